@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import asked, computation, output, words_and_files
+from evenlight.option_panels import asked, expert, output, words_and_files
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -35,18 +35,12 @@ def analyze(
         ),
     ] = None,
     margin: Annotated[
-        float, asked(help="Comparison: a share of choices within 0.5 ± this counts as no difference.")
+        float, expert(help="Comparison: a share of choices within 0.5 ± this counts as no difference.")
     ] = 0.15,
     slowing: Annotated[
-        float, asked(help="Search: times that are longer by less than this share count as no slowing.")
+        float, expert(help="Search: times that are longer by less than this share count as no slowing.")
     ] = 0.25,
-    fit_measure: Annotated[
-        bool, asked("--fit-measure", help="Rating: find out which measure of loss the ratings agree with.")
-    ] = False,
-    stimuli: Annotated[
-        Path | None, asked(help="For --fit-measure: the folder with the videos and tracks that were rated.")
-    ] = None,
-    seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
+    seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
     """Compute the statistics of a data set, with figures and a report: every task that it holds."""
@@ -61,18 +55,11 @@ def analyze(
         if name not in TASKS:
             raise InputError(f"--task must be one of {', '.join(TASKS)}, got {name!r}")
     require_apart(out, dataset)
-    if fit_measure != (stimuli is not None):
-        raise InputError(
-            "--fit-measure and --stimuli FOLDER go together: the videos and tracks that were rated"
-        )
-    if fit_measure and task and "rating" not in task:
-        raise InputError("--fit-measure is about ratings; leave out --task, or add --task rating")
     options = AnalysisOptions(
         seed=seed,
         margin=margin,
         slowing=slowing,
         tasks=tuple(dict.fromkeys(task or ())),
-        rated=stimuli,
     )
     before = earlier_files(out / SUMMARY)
     with results_folder(out) as folder:
@@ -83,7 +70,7 @@ def analyze(
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
         for findings in found.findings.values():
-            typer.echo(f"{findings.name}: {findings.cautious_lead}")
+            typer.echo(f"{findings.name}: {findings.lead}")
         if any(found.simulated.values()):
             typer.echo("simulated participants answered: this says nothing about people")
         typer.echo(f"{out / REPORT} has all results")
@@ -101,7 +88,6 @@ def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tu
     """Write the tables and figures of each task, the report and the summary, and return the files' names."""
     from evenlight.analysis.dataset_findings import dataset_report
     from evenlight.analysis.earlier_results import files_in
-    from evenlight.analysis.findings import write_findings
     from evenlight.analysis.report import write_report
     from evenlight.data_schema.analysis_results import AnalysisSummary
     from evenlight.data_schema.provenance import provenance_now
@@ -109,8 +95,8 @@ def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tu
 
     origin = provenance_now(seed=options.seed, inputs=found.inputs)
     for findings in found.findings.values():
-        write_findings(folder, findings)
-    leads = {task: findings.cautious_lead for task, findings in found.findings.items()}
+        findings.write(folder)
+    leads = {task: findings.lead for task, findings in found.findings.items()}
     write_report(folder / REPORT, dataset_report(found, origin))
     files = (*files_in(folder), SUMMARY)
     summary = AnalysisSummary(

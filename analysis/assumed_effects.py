@@ -9,9 +9,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from evenlight.analysis.findings import Findings
-from evenlight.analysis.report import Cell, Table
+from evenlight.analysis.integrity.concern import cautious
+from evenlight.analysis.report import Table
 from evenlight.analysis.report_prose import prose, section
+from evenlight.analysis.results import Analysis
+from evenlight.analysis.rows import Rows, with_interval
 from evenlight.analysis.wording import in_words
 from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.recordings.assumed_effect import CHOSEN, RATED, TIME_RATIO, AssumedEffect
@@ -25,14 +27,14 @@ ESTIMATED = {
 }
 
 
-def with_assumed(findings: Findings, assumed: Sequence[AssumedEffect]) -> Findings:
+def with_assumed(findings: Analysis, assumed: Sequence[AssumedEffect]) -> Analysis:
     """Return findings of simulated answers with what is true of those who gave them.
 
     Where the assumed observers see nothing to choose by, the lead says so, and a note of the first section.
 
     Parameters
     ----------
-    findings : Findings
+    findings : Analysis
         Of one task.
     assumed : sequence of AssumedEffect
         What is true of the population; nothing is added if there is nothing.
@@ -40,52 +42,35 @@ def with_assumed(findings: Findings, assumed: Sequence[AssumedEffect]) -> Findin
     if not assumed:
         return findings
     coins = [effect for effect in assumed if effect.is_a_coin]
-    seen = [
-        (effect, _estimate(findings.statistics, effect))
-        for effect in assumed
-        if effect.what == CHOSEN and not effect.is_a_coin
-    ]
+    estimates = [_estimate(findings.rows, effect) for effect in assumed]
+    both = list(zip(assumed, estimates, strict=True))
+    seen = [own for own in both if own[0].what == CHOSEN and not own[0].is_a_coin]
     words = prose("assumed_coins", coins=coins, seen=seen)
     first = tuple(replace(own, notes=(*words, *own.notes)) for own in findings.sections[:1])
-    about = section("assumed", (_table(findings, assumed),), simulated=True)
-    rows = tuple(
-        Statistic(TABLE, effect.group, effect.what, effect.value, effect.unit, Origin.SIMULATED,
-                  method="true of the simulated population")
-        for effect in assumed
-    )  # fmt: skip
-    return replace(
-        findings,
-        lead=" ".join(words) if words else findings.lead,
-        statistics=(*findings.statistics, *rows),
-        sections=(*first, *findings.sections[1:], replace(about, below=True)),
-    )
-
-
-def _table(findings: Findings, assumed: Sequence[AssumedEffect]) -> Table:
-    """Return each assumed effect beside its estimate."""
-    rows: list[tuple[Cell, ...]] = []
-    for effect in assumed:
-        row = _estimate(findings.statistics, effect)
-        interval = None
-        if row is not None and row.ci_low is not None and row.ci_high is not None:
-            interval = f"{row.ci_low:.2f} to {row.ci_high:.2f}"
-        rows.append(
-            (
-                in_words(effect.group), effect.what, f"{effect.value:.2f}",
-                None if row is None or row.value is None else f"{row.value:.2f}", interval,
-            )
-        )  # fmt: skip
-    return Table(
+    table = Table(
         "What is true of the simulated population, and what its answers here give, with 95 % confidence "
         "intervals (CI). A dash: not estimated by itself.",
         ("of", "effect", "assumed", "estimated", "95 % CI"),
-        tuple(rows),
+        tuple((in_words(own.group), own.what, f"{own.value:.2f}", *with_interval(row)) for own, row in both),
+    )
+    rows = Rows(Origin.SIMULATED)
+    for effect in assumed:
+        what, method = effect.what, "true of the simulated population"
+        rows.add(TABLE, effect.group, what, effect.unit, method, effect.value)
+    return replace(
+        findings,
+        lead=cautious(findings.concerns, " ".join(words)) if words else findings.lead,
+        rows=(*findings.rows, *rows),
+        sections=(
+            *first,
+            *findings.sections[1:],
+            replace(section("assumed", (table,), simulated=True), below=True),
+        ),
     )
 
 
 def _estimate(rows: Sequence[Statistic], effect: AssumedEffect) -> Statistic | None:
     """Return the row that estimates an effect; a side of a search is named with its number of locations."""
     what = ESTIMATED.get(effect.what)
-    return next(
-        (row for row in rows if row.what == what and row.group.partition(" (")[0] == effect.group), None
-    )
+    own = (row for row in rows if row.what == what and row.group.partition(" (")[0] == effect.group)
+    return next(own, None)

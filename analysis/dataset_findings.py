@@ -8,13 +8,14 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.analysis.assumed_effects import with_assumed
-from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.integrity.concern import Concern, ConcernKind, cautious
 from evenlight.analysis.integrity.gate import checked
-from evenlight.analysis.report import Report, Section
+from evenlight.analysis.report import KeyFigure, Report, Section
 from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
+from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import TaskData, load_task, undamaged_roll
+from evenlight.analysis.wording import listed
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance, require_seed
 from evenlight.data_schema.rate_limit import RateLimit
@@ -48,8 +49,6 @@ class AnalysisOptions:
         Which tasks; empty for all that there are.
     compared : RateLimit or None
         A rate limit that is drawn beside that of a calibration.
-    rated : Path or None
-        Folder of the stimuli that were rated, to fit the measure of loss to the ratings.
     """
 
     seed: int = 1
@@ -57,7 +56,6 @@ class AnalysisOptions:
     slowing: float = DEFAULT_SLOWING
     tasks: tuple[str, ...] = ()
     compared: RateLimit | None = None
-    rated: Path | None = None
 
     def __post_init__(self) -> None:
         require_seed(self.seed)
@@ -67,7 +65,7 @@ class AnalysisOptions:
             raise InputError(f"margin must lie between 0 and 0.5, got {self.margin:g}")
 
 
-FindingsOf = Callable[[TaskData[Any], AnalysisOptions], Findings]
+FindingsOf = Callable[[TaskData[Any], AnalysisOptions], Analysis]
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,25 +79,23 @@ class TaskAnalysis:
     findings: FindingsOf | None
 
 
-def _rating(data: TaskData[Any], options: AnalysisOptions) -> Findings:
+def _rating(data: TaskData[Any], options: AnalysisOptions) -> Analysis:
     """Analyse ratings; each of the three imports its analysis when it is first made."""
     from evenlight.analysis.rating.rating_findings import rating_findings
 
     return rating_findings(data, options.seed)
 
 
-def _comparison(data: TaskData[Any], options: AnalysisOptions) -> Findings:
-    """Analyse comparisons."""
+def _comparison(data: TaskData[Any], options: AnalysisOptions) -> Analysis:
     from evenlight.analysis.comparison.comparison_findings import comparison_findings
 
     return comparison_findings(data, options.seed, options.margin)
 
 
-def _search(data: TaskData[Any], options: AnalysisOptions) -> Findings:
-    """Analyse searches."""
+def _search(data: TaskData[Any], options: AnalysisOptions) -> Analysis:
     from evenlight.analysis.search.search_findings import search_findings
 
-    return search_findings(data, options.seed, options.slowing)
+    return search_findings(data, options.slowing)
 
 
 # By the names of `data_schema.recordings.session.TASKS`.
@@ -109,7 +105,6 @@ ANALYSES = {
     "comparison": TaskAnalysis("Noticing the modulation", _comparison),
     "search": TaskAnalysis("Finding things", _search),
 }
-MEASURE = "measure"  # the findings that are about ratings too, and have files of their own
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,7 +113,7 @@ class DatasetFindings:
 
     Attributes
     ----------
-    findings : dict of str to Findings
+    findings : dict of str to Analysis
         By task.
     refused : dict of str to str
         Tasks whose data cannot be analysed, and why.
@@ -132,7 +127,7 @@ class DatasetFindings:
         The sessions of the data set, those that are left out too.
     """
 
-    findings: dict[str, Findings] = field(default_factory=dict)
+    findings: dict[str, Analysis] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     simulated: dict[str, bool] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
@@ -202,12 +197,6 @@ def find_in_dataset(
         result.findings[task] = findings
         result.simulated[task], result.inputs[task] = data.simulated, data.sha256
         result.participants[task] = len(data.participant_ids)
-        if task == "rating" and options.rated is not None:
-            from evenlight.analysis.rating.measure_findings import measure_findings
-
-            result.findings[MEASURE] = measure_findings(
-                data, options.rated, lambda name: report(f"what {name} loses, by each measure")
-            )
     if not result.findings:
         raise InputError("; ".join(result.refused.values()))
     return replace(result, roll=roll)
@@ -229,8 +218,7 @@ def _no_session(dataset: Path, roll: RollCall) -> str:
 
 def _analysed(
     dataset: Path, task: str, options: AnalysisOptions, folder: Path, roll: RollCall
-) -> tuple[Findings, TaskData[Any]]:
-    """Return what the sessions of a task show, and the data themselves."""
+) -> tuple[Analysis, TaskData[Any]]:
     if task != "ramp":
         data = load_task(dataset, task, TASKS[task].trial, roll)
         assumed = assumed_effects_in(dataset) if data.simulated else ()
@@ -247,7 +235,7 @@ def _analysed(
     return ramp_findings(calibration, options.compared), ramps
 
 
-def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
+def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Analysis:
     """Analyse the trials of one viewing task; no file is read or written.
 
     Parameters
@@ -270,7 +258,12 @@ def task_findings(data: TaskData[Any], options: AnalysisOptions) -> Findings:
     data, concerns = checked(data)
     found = how(data, options)
     said = tuple(concern.words for concern in concerns)
-    return replace(found, concerns=concerns, warnings=(*said, *found.warnings))
+    return replace(
+        found,
+        lead=cautious(concerns, found.lead),
+        concerns=concerns,
+        warnings=(*said, *found.warnings),
+    )
 
 
 def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
@@ -283,19 +276,46 @@ def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
     origin : Provenance
         Software, seed and inputs of the analysis.
     """
-    sections = [section for findings in found.findings.values() for section in findings.sections]
+    lead, key_figures = _first_lines(found)
+    parts = (_part(task, findings, found) for task, findings in found.findings.items())
     return Report(
         "What the data show",
-        cautious(found.concerns, " ".join(findings.lead for findings in found.findings.values())),
+        lead,
         (
             *to_be_looked_at(found),
+            *(section for part in parts for section in part),
             *((roll_section(found.roll),) if found.roll else ()),
-            *sections,
             provenance_section({"analysis": origin}),
             files_section(_files(found)),
         ),
         SIMULATED,
+        key_figures=key_figures,
     )
+
+
+def _first_lines(found: DatasetFindings) -> tuple[str, tuple[KeyFigure, ...]]:
+    """Return what came out: of a single task, or in a word of several, whose parts begin with their own."""
+    if len(found.findings) == 1:
+        (lead, key_figures), *_ = (findings.first_lines for findings in found.findings.values())
+        unread = (own for own in found.concerns if own.kind is ConcernKind.UNREAD)
+        return cautious(unread, lead), key_figures
+    titles = listed([ANALYSES[task].title.lower() for task in found.findings])
+    lead = f"{len(found.findings)} experiments: {titles}. Each part begins with what came out."
+    firsts = (own for findings in found.findings.values() for own in findings.key_figures[:1])
+    return cautious(found.concerns, lead), tuple(firsts)
+
+
+def _part(task: str, findings: Analysis, found: DatasetFindings) -> tuple[Section, ...]:
+    """Return the sections of a task; below a heading of its own where there are several tasks."""
+    if len(found.findings) == 1:
+        return findings.sections
+    head = Section(
+        ANALYSES[task].title,
+        (findings.lead,),
+        simulated=found.simulated[task],
+        key_figures=findings.key_figures,
+    )
+    return (head, *(replace(own, below=True) for own in findings.sections))
 
 
 def to_be_looked_at(found: DatasetFindings) -> tuple[Section, ...]:
@@ -310,12 +330,9 @@ def _files(found: DatasetFindings) -> dict[str, str]:
     """Return the files that were written, with what they hold."""
     files = {}
     for task, findings in found.findings.items():
-        about = "the fit of the measure" if task == MEASURE else ANALYSES[task].title.lower()
-        files[f"{findings.name}_statistics.csv"] = f"every number of {about}"
+        files[f"{findings.name}_statistics.csv"] = f"every number of {ANALYSES[task].title.lower()}"
         for drawing in findings.drawings:
             files[f"{drawing.name}.png, {drawing.name}_points.csv"] = drawing.caption
-        for name in findings.presets:
-            files[name] = "the best measure, for `evenlight optimize --contrast-model`"
     if "ramp" in found.findings:
         files["thresholds.csv"] = "thresholds of each participant and level, with 95 % credible intervals"
         files["rate_limit.json"] = "the fitted rate limit, for `evenlight optimize --rate-limit`"

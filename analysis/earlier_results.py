@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from evenlight.data_schema.analysis_results import AnalysisSummary
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.storage.whole_files import results_folder
 
 
 def files_in(folder: Path) -> tuple[str, ...]:
@@ -40,28 +43,23 @@ TRACK_FILES = (
     "loss_curves.npz",
     "player.html",
     "control.json",
-    "tuning.json",
-    "tuning.png",
-    "target_sweep.csv",
-    "target_sweep.png",
 )
 CLIP_FOLDERS = "[0-9][0-9]-*"  # of clips that share a budget
 
 
-def remove_earlier_track(folder: Path, now: tuple[str, ...]) -> None:
-    """Remove what an earlier track left in a folder and the new one did not write: it would contradict it.
+@contextmanager
+def track_folder(out: Path) -> Iterator[Path]:
+    """Yield a folder for the results of a track, which become those of `out`.
 
-    Parameters
-    ----------
-    folder : Path
-        The results.
-    now : tuple of str
-        What the new run wrote there, from `files_in`.
+    What an earlier track left there and the new one does not write is removed: it would contradict it.
     """
-    clips = [path for path in folder.glob(CLIP_FOLDERS) if (path / "track.json").is_file()]
-    for place in (folder, *clips):
-        below = "" if place == folder else f"{place.name}/"
-        remove_stale(folder, tuple(f"{below}{name}" for name in TRACK_FILES), now)
+    with results_folder(out) as folder:
+        yield folder
+        now = files_in(folder)
+    clips = [path for path in out.glob(CLIP_FOLDERS) if (path / "track.json").is_file()]
+    for place in (out, *clips):
+        below = "" if place == out else f"{place.name}/"
+        remove_stale(out, tuple(f"{below}{name}" for name in TRACK_FILES), now)
     for clip in clips:
         if not any(clip.iterdir()):
             clip.rmdir()

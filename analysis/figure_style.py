@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
+from matplotlib.ticker import FuncFormatter
 
 from evenlight.data_schema.storage.whole_files import write_whole
 
@@ -31,6 +32,7 @@ MUTED = "#5F6670"
 FAINT = "#D9DDE2"
 
 QUICK_MARK = "QUICK RUN"  # across figures that are no result
+PERCENT = FuncFormatter(lambda share, _: f"{100 * share:.6g} %")  # an axis of shares
 _MARK: ContextVar[str] = ContextVar("mark", default="")
 _DRAWING = RLock()  # matplotlib's settings are those of the process
 
@@ -61,13 +63,11 @@ class FigureFormat:
 
 
 PAGE = FigureFormat(width=8.0, height=8.2, font_size=9.0, dots_per_inch=200.0)  # the report, a supplement
-SLIDE = FigureFormat(width=13.333, height=7.5, font_size=12.0, dots_per_inch=144.0)  # a talk, 16:9
-COLUMN = FigureFormat(width=3.4, height=4.4, font_size=6.5, dots_per_inch=400.0)  # one column of a paper
 
 
 @contextmanager
-def look(medium: FigureFormat) -> Iterator[None]:
-    """Draw for a medium, one thread at a time: `with look(PAGE): ...`."""
+def look(medium: FigureFormat = PAGE) -> Iterator[None]:
+    """Draw for a medium, one thread at a time: `with look(): ...`."""
     size = medium.font_size
     hair = size / 11
     settings: dict[Any, Any] = {
@@ -117,15 +117,15 @@ def look(medium: FigureFormat) -> Iterator[None]:
         yield
 
 
-def new_figure(medium: FigureFormat, height: float | None = None) -> Figure:
+def new_figure(height: float | None = None, medium: FigureFormat = PAGE) -> Figure:
     """Return an empty figure as wide as the medium, drawn by Agg and known to no window.
 
     Parameters
     ----------
-    medium : FigureFormat
-        Where it is shown.
     height : float, optional
         Of the figure [inch]; otherwise the medium's.
+    medium : FigureFormat
+        Where it is shown.
     """
     figure = Figure(figsize=(medium.width, height or medium.height))
     FigureCanvasAgg(figure)
@@ -183,6 +183,42 @@ def lines_at(figure: Figure, left: float, lines: Sequence[Line]) -> None:
     """Write lines one below the other, their left ends at so many inches from that of the figure."""
     for words, top, style in lines:
         text_at(figure, left, top, words, **style)
+
+
+def panels(
+    title: str, about: str, mosaic: list[Any], heights: list[float], apart: float = 3.4, **settings: Any
+) -> tuple[Figure, dict[str, Axes]]:
+    """Return a figure as wide as a page, with panels by name in a grid below its heading; within a look.
+
+    Parameters
+    ----------
+    title, about : str
+        The heading, and the line below it.
+    mosaic, heights : list of lists of str, list of float
+        Names of the panels, row by row, and the height of each row [em].
+    apart : float
+        Room between rows, for the labels of their axes [em].
+    **settings
+        Of `Figure.subplot_mosaic`.
+    """
+    em = PAGE.em
+    left, right = 5.8 * em, 1.6 * em
+    lines, above = heading_lines(title, about, PAGE.width - left - em, em)
+    top, bottom = above + 2.4 * em, 5.2 * em
+    mean = sum(heights) / len(heights)
+    height = top + (sum(heights) + apart * (len(heights) - 1)) * em + bottom
+    figure = new_figure(height)
+    lines_at(figure, left, lines)
+    grid = {
+        "left": left / PAGE.width,
+        "right": 1 - right / PAGE.width,
+        "top": 1 - top / height,
+        "bottom": bottom / height,
+        "hspace": apart / mean,
+        "wspace": 0.28,
+        "height_ratios": heights,
+    }
+    return figure, figure.subplot_mosaic(mosaic, gridspec_kw=grid, **settings)
 
 
 def text_size() -> float:

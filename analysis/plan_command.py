@@ -1,366 +1,209 @@
-"""The command `plan`: participants for a wanted precision or power. Simulated calibrations are handed in."""
+"""The command `plan`: how many participants and trials an experiment takes, by simulation."""
 
 from __future__ import annotations
 
-import dataclasses
-import functools
-import os
-import re
+import inspect
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import contextmanager
+from dataclasses import Field, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from evenlight.analysis.plans.questions import QUESTIONS, whole_numbers
+from evenlight.analysis.wording import percent, sentence
 from evenlight.cluster import ClusterOption, opened_map
+from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import asked, computation, output, words_and_files
-from evenlight.progress import shown_progress
+from evenlight.option_panels import asked, computation, expert, output, words_and_files
+from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
-    from evenlight.analysis.plans.ramp_plan import PlanRequest
-    from evenlight.analysis.plans.ramp_plan_pool import LoadRampDesign, SimulateRamps
-    from evenlight.analysis.plans.viewing_plan import Truth
+    from evenlight.analysis.plans.plan import Plan
+    from evenlight.data_schema.analysis_results import RampPlanRow, ViewingPlanRow
 
-ramps_option = functools.partial(typer.Option, rich_help_panel="Of ramp, a calibration")
-viewings_option = functools.partial(typer.Option, rich_help_panel="Of rating, comparison and search")
-OPTIONS_OF_TASK = {  # beside those that go with every task
-    "ramp": ("precision", "trials", "design", "display", "thorough"),
-    "rating": ("power", "difference", "spread", "agreement", "sequences"),
-    "comparison": ("power", "share", "margin", "spread", "repetitions", "sequences"),
-    "search": ("power", "ratio", "undetected", "margin", "spread", "locations"),
+OF_TASK = {
+    task: [*(own.name for own in fields(kind)), *(["thorough"] if "thorough" in kind.efforts else [])]
+    for task, kind in QUESTIONS.items()
 }
-RAMP_PARTICIPANTS, RAMP_TRIALS = "5,10,20,40", "20,30,40,60,100"
-DISPLAY = "varjo-xr3"
-STANDARD_DESIGNS = ("paper", "yes_no_targeted", "recommended", "psi_marginal")
-RAMP_COLUMNS = {  # of the printed table: heading, and how a row fills it
-    "design": "{0.design}",
-    "trials": "{0.trials_per_level}",
-    "people": "{0.participants}",
-    "min each": "{0.minutes:.0f}",
-    "hours": "{0.total_hours:.0f}",
-    "±band": "{0.half_width:.1%}",
-    "80 % within": "{0.half_width_assured:.1%}",
-    "true error": "{0.error:.1%}",
-    "bias": "{0.bias:+.1%}",
-    "people needed": "{0.participants_needed_in_words}",
+RAMP_PANEL, VIEWING_PANEL = "Of ramp, a calibration", "Of rating, comparison and search"
+USUAL = inspect.Parameter.POSITIONAL_OR_KEYWORD
+KINDS = {"int": int, "str": str, "tuple[str, ...]": list[str]}
+FOR_EXPERTS = {"agreement", "display", "locations", "margin", "ratio", "repetitions", "sequences", "share"}
+FOR_EXPERTS |= {"spread", "undetected"}
+SLOW = ("ramp", "search")  # shared among processes
+Columns = Mapping[str, Callable[[Any], str]]  # of the printed table: heading, and how a row fills it
+
+
+def _people_needed(row: RampPlanRow) -> str:
+    from evenlight.analysis.plans.plan import people_in_words
+
+    return people_in_words(row)
+
+
+def _power_interval(row: ViewingPlanRow) -> str:
+    return f"{100 * row.power_low:.0f} to {percent(row.power_high, 0)}" if row.runs else "exact"
+
+
+RAMP_COLUMNS: Columns = {
+    "design": lambda row: str(row.design),
+    "trials": lambda row: str(row.trials_per_level),
+    "people": lambda row: str(row.participants),
+    "min each": lambda row: f"{row.minutes:.0f}",
+    "hours": lambda row: f"{row.total_hours:.0f}",
+    "±band": lambda row: percent(row.half_width),
+    "80 % within": lambda row: percent(row.half_width_assured),
+    "true error": lambda row: percent(row.error),
+    "bias": lambda row: f"{100 * row.bias:+.1f} %",
+    "people needed": _people_needed,
 }
-PARTICIPANTS = {"rating": "10,17,25,40,60", "comparison": "17,30,50,70,100,150", "search": "8,12,17,25"}
-RUNS = {"rating": 2000, "comparison": 2000, "search": 150}  # a fit of search times takes its time
-QUICKER = 4  # so many fewer experiments with --quick
-VIEWING_COLUMNS = {  # of the printed table: heading, and how a row fills it
-    "test": "{0.test}",
-    "people": "{0.participants}",
-    "power": "{0.power:.1%}",
-    "(95 %)": "{0.power_low:.0%} to {0.power_high:.0%}",
-    "type I error": "{0.type_i_error:.1%}",
+VIEWING_COLUMNS: Columns = {
+    "test": lambda row: str(row.test),
+    "people": lambda row: str(row.participants),
+    "power": lambda row: percent(row.power),
+    "(95 %)": _power_interval,
+    "type I error": lambda row: percent(row.type_i_error),
 }
 
 
-def plan_command(simulate: SimulateRamps, load_design: LoadRampDesign) -> Callable[..., None]:
-    """Return the command `plan` for participants who are simulated elsewhere.
+def plan(
+    task: Annotated[
+        str,
+        typer.Argument(
+            help="Which experiment: ramp (a calibration), rating, comparison or search.",
+            autocompletion=words_and_files(*QUESTIONS),
+        ),
+    ],
+    out: Annotated[Path, output(help="Folder for plan.csv, plan.json and plan.png.")],
+    participants: Annotated[
+        str | None, asked(metavar="N,N", help="Numbers of participants to try, such as 10,20,40.")
+    ] = None,
+    seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
+    quick: Annotated[
+        bool,
+        computation(
+            "--quick",
+            help="In half of the time or less, but rough: participants needed may be off by half.",
+        ),
+    ] = False,
+    thorough: Annotated[
+        bool,
+        expert(
+            "--thorough",
+            help="ramp: simulate three times as many people; ramp and search: twice the experiments.",
+        ),
+    ] = False,
+    cluster: ClusterOption = None,
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no table.")] = False,
+    **options: Any,
+) -> None:
+    """Plan an experiment: how many participants and trials does it need? Found by simulation."""
+    given = {name: value for name, value in options.items() if value is not None}
+    _refuse_options_of_others(task, [*given, "thorough"] if thorough else given)
+    if quick and thorough:
+        raise InputError("--quick and --thorough cannot be had together; give one of them")
+    from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+    from evenlight.analysis.plans.ramp_plan import plan_ramps
+    from evenlight.analysis.plans.viewing_plan import plan_viewing
+    from evenlight.data_schema.provenance import require_seed
+    from evenlight.data_schema.storage.whole_files import results_folder
 
-    Parameters
-    ----------
-    simulate : SimulateRamps
-        Simulates the participants. Other processes find it by its name, so it must be a function of a module.
-    load_design : LoadRampDesign
-        Reads the design of a name or file.
-    """
+    require_seed(seed)
+    try:
+        question = QUESTIONS[task](**given)
+    except ValueError as error:
+        raise InputError(f"{task}: {error}") from None
+    numbers = whole_numbers(participants or question.participants, "--participants", (2, MOST_PARTICIPANTS))
+    runs = question.efforts["quick" if quick else "thorough" if thorough else "default"]
+    planned: Callable[..., Plan] = plan_ramps if task == "ramp" else plan_viewing
+    with marked_figures(QUICK_MARK if quick else ""), results_folder(out) as folder:
+        with _several(task, cluster, quiet) as mapped, shown_progress(quiet) as progress:
 
-    def plan(
-        task: Annotated[
-            str,
-            typer.Argument(
-                help="Which experiment: ramp (a calibration), rating, comparison or search.",
-                autocompletion=words_and_files(*OPTIONS_OF_TASK),
-            ),
-        ],
-        out: Annotated[Path, output(help="Folder for plan.csv, plan.json and plan.png.")],
-        participants: Annotated[
-            str | None, asked(metavar="N,N", help="Numbers of participants to try, such as 10,20,40.")
-        ] = None,
-        precision: Annotated[
-            float | None,
-            ramps_option(
-                metavar="SHARE",
-                help="Wanted half-width of the rate limit's 95 % pointwise band, as a share of the limit.",
-                show_default="0.1",
-            ),
-        ] = None,
-        trials: Annotated[
-            str | None,
-            ramps_option(
-                metavar="N,N",
-                help="Numbers of ramps at each luminance level to try.",
-                show_default=RAMP_TRIALS,
-            ),
-        ] = None,
-        design: Annotated[
-            list[str] | None,
-            ramps_option(
-                help="Design of the session: a preset or a toml file. Otherwise four presets are compared."
-            ),
-        ] = None,
-        display: Annotated[
-            str | None,
-            ramps_option(help="Display to calibrate: a preset or a toml file.", show_default=DISPLAY),
-        ] = None,
-        power: Annotated[
-            float | None, viewings_option(help="Wanted statistical power.", show_default="0.8")
-        ] = None,
-        difference: Annotated[
-            float | None,
-            viewings_option(
-                metavar="POINTS",
-                help="rating: the true mean difference of ratings.",
-                show_default="0.46, the paper's",
-            ),
-        ] = None,
-        share: Annotated[
-            float | None,
-            viewings_option(
-                help="comparison: the true share of choices for ours.", show_default="0.5 + margin"
-            ),
-        ] = None,
-        ratio: Annotated[
-            float | None,
-            viewings_option(
-                help="search: the true median time with ours, divided by the baseline's.", show_default="0.8"
-            ),
-        ] = None,
-        margin: Annotated[
-            float | None,
-            viewings_option(
-                help="comparison, search: what counts as no difference. A share's distance from 0.5, or a "
-                "ratio of times.",
-                show_default="0.15 or 1.25",
-            ),
-        ] = None,
-        spread: Annotated[
-            float | None,
-            viewings_option(
-                help="Standard deviation between people: in rating points, log-odds or ln(ratio of times).",
-                show_default="0.8, 0.5 or 0.15",
-            ),
-        ] = None,
-        agreement: Annotated[
-            float | None,
-            viewings_option(
-                help="rating: correlation between one person's differences.", show_default="0.25"
-            ),
-        ] = None,
-        undetected: Annotated[
-            float | None,
-            viewings_option(help="search: share of rings not found with the baseline.", show_default="0.1"),
-        ] = None,
-        sequences: Annotated[
-            int | None, viewings_option(help="rating, comparison: how many sequences.", show_default="4")
-        ] = None,
-        repetitions: Annotated[
-            int | None,
-            viewings_option(help="comparison: how often each sequence is shown.", show_default="1"),
-        ] = None,
-        locations: Annotated[
-            int | None,
-            viewings_option(
-                help="search: places of rings where ours is brighter, and as many darker.", show_default="10"
-            ),
-        ] = None,
-        seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
-        quick: Annotated[
-            bool,
-            computation(
-                "--quick",
-                help="In half of the time or less, but rough: participants needed may be off by half.",
-            ),
-        ] = False,
-        thorough: Annotated[
-            bool,
-            computation(
-                "--thorough", help="ramp: simulate three times as many people, and twice the experiments."
-            ),
-        ] = False,
-        cluster: ClusterOption = None,
-        quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no table.")] = False,
-    ) -> None:
-        """Plan an experiment: how many participants and trials does it need? Found by simulation."""
-        from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
-        from evenlight.analysis.plans.ramp_plan import EFFORTS
+            def told(function: Callable[..., Any], works: list[Any]) -> Iterator[Any]:
+                return counted(progress, mapped(function, works), "simulating experiments", len(works))
 
-        options = {
-            "precision": precision, "trials": trials, "design": design, "display": display, "power": power,
-            "difference": difference, "share": share, "ratio": ratio, "margin": margin, "spread": spread,
-            "agreement": agreement, "undetected": undetected, "sequences": sequences,
-            "repetitions": repetitions, "locations": locations, "thorough": thorough or None,
-        }  # fmt: skip
-        given = {name: value for name, value in options.items() if value is not None}
-        _refuse_options_of_others(task, given)
-        if quick and thorough:
-            raise InputError("--quick and --thorough cannot be had together; give one of them")
-        with marked_figures(QUICK_MARK if quick else ""):
-            if task == "ramp":
-                request = _ramp_request(given, participants or RAMP_PARTICIPANTS, seed, load_design)
-                pool, draws = EFFORTS["quick" if quick else "thorough" if thorough else "default"]
-                request = dataclasses.replace(request, pool=pool, draws=draws)
-                _plan_ramps(request, simulate, cluster, out, quiet)
-            else:
-                settings = {"seed": seed, "quick": quick, "cluster": cluster, "quiet": quiet}
-                _plan_viewing(task, given, participants, settings, out)
+            found = planned(question, numbers, runs, seed, told)
+        found.save(folder)
+    if not quiet:
+        _print_plan(found, RAMP_COLUMNS if task == "ramp" else VIEWING_COLUMNS, out)
 
-    return plan
+
+def _with_options(command: Callable[..., None]) -> inspect.Signature:
+    """Return the signature of the command, with an option for each field of what is asked of the tasks."""
+    declared: dict[str, dict[str, Field[Any]]] = {}
+    for task, asks in QUESTIONS.items():
+        for field in fields(asks):
+            declared.setdefault(field.name, {})[task] = field
+    added = []
+    for name, by_task in declared.items():
+        docs = {task: field.metadata["doc"] for task, field in by_task.items()}
+        alike = "ramp" in docs or (len(docs) == len(QUESTIONS) - 1 and len(set(docs.values())) == 1)
+        help_ = {doc: [task for task, own in docs.items() if own == doc] for doc in docs.values()}
+        parts = (doc if alike else f"{', '.join(tasks)}: {doc}" for doc, tasks in help_.items())
+        defaults = (
+            field.default for field in by_task.values() if isinstance(field.default, float | int | str)
+        )
+        option = typer.Option(
+            help=f"{sentence('; '.join(parts))}.",
+            show_default=" or ".join(dict.fromkeys(map(str, defaults))) or False,
+            hidden=name in FOR_EXPERTS,
+            rich_help_panel=RAMP_PANEL if "ramp" in docs else VIEWING_PANEL,
+        )
+        (kind,) = {KINDS.get(str(field.type), float) for field in by_task.values()}
+        annotation = Annotated[kind | None, option]  # type: ignore[valid-type] # known when it runs
+        added.append(inspect.Parameter(name, USUAL, default=None, annotation=annotation))
+    own = inspect.signature(command, eval_str=True)
+    *usual, _ = own.parameters.values()
+    return own.replace(parameters=[*usual[:3], *added, *usual[3:]])
 
 
 def _refuse_options_of_others(task: str, given: Collection[str]) -> None:
     """Refuse a task that there is not, and options that do not go with the task."""
-    if task not in OPTIONS_OF_TASK:
-        raise InputError(f"task {task!r} cannot be planned; there is {', '.join(map(repr, OPTIONS_OF_TASK))}")
-    own = OPTIONS_OF_TASK[task]
+    if task not in OF_TASK:
+        raise InputError(f"task {task!r} cannot be planned; there is {', '.join(map(repr, OF_TASK))}")
     for name in given:
-        if name not in own:
-            others = [other for other, names in OPTIONS_OF_TASK.items() if name in names]
+        if name not in OF_TASK[task]:
+            others = [other for other, names in OF_TASK.items() if name in names]
             raise InputError(
                 f"--{name} goes with {' and '.join(others)}, not with {task}, which has "
-                f"{', '.join(f'--{known}' for known in own)}"
+                f"{', '.join(f'--{known}' for known in OF_TASK[task])}"
             )
 
 
-def _ramp_request(
-    given: Mapping[str, Any], participants: str, seed: int, load_design: LoadRampDesign
-) -> PlanRequest:
-    """Return what is to be planned of a calibration."""
-    from evenlight.analysis.plans.ramp_plan import PlanRequest
-    from evenlight.method.preset_files import load_display
-
-    return PlanRequest(
-        designs={name: load_design(name) for name in given.get("design") or STANDARD_DESIGNS},
-        display=load_display(given.get("display", DISPLAY)),
-        precision=given.get("precision", 0.1),
-        participants=whole_numbers(participants, "--participants"),
-        trials=whole_numbers(given.get("trials", RAMP_TRIALS), "--trials"),
-        seed=seed,
-    )
-
-
-def _plan_ramps(
-    request: PlanRequest, simulate: SimulateRamps, cluster: str | None, out: Path, quiet: bool
-) -> None:
-    """Plan a calibration, write the plan and print it."""
-    from evenlight.analysis.plans.plan_files import write_plan
-    from evenlight.analysis.plans.ramp_plan import PLANNED_MODEL, chance_in_words, in_words, plan_ramps
-    from evenlight.data_schema.storage.whole_files import results_folder
-
-    with results_folder(out) as folder:
-        with _several("ramp", cluster, quiet) as mapped, shown_progress(quiet) as progress:
-            progress.step("simulating experiments")
-            plan = plan_ramps(request, simulate, mapped, progress.at)
-        write_plan(folder, plan)
-    if not quiet:
-        rows = [[cell.format(row) for cell in RAMP_COLUMNS.values()] for row in plan.rows]
-        answer, *others = in_words(plan)
-        words = (PLANNED_MODEL, chance_in_words(plan), *others, answer)
-        _print_plan([list(RAMP_COLUMNS), *rows], words, out)
-
-
-def _plan_viewing(
-    task: str, given: dict[str, Any], participants: str | None, settings: Mapping[str, Any], out: Path
-) -> None:
-    """Plan a viewing experiment, write the plan and print it."""
-    from evenlight.analysis.plans.plan_files import write_viewing_plan
-    from evenlight.analysis.plans.viewing_plan import ViewingRequest, in_words, plan_viewing
-    from evenlight.data_schema.storage.whole_files import results_folder
-
-    wanted = {"power": given.pop("power")} if "power" in given else {}
-    numbers = whole_numbers(participants or PARTICIPANTS[task], "--participants")
-    runs = RUNS[task] // (QUICKER if settings["quick"] else 1)
-    request = ViewingRequest(task, _truth(task, given), numbers, runs=runs, seed=settings["seed"], **wanted)
-    quiet = settings["quiet"]
-    with results_folder(out) as folder:
-        with _several(task, settings["cluster"], quiet) as mapped, shown_progress(quiet) as progress:
-            progress.step("simulating experiments")
-            plan = plan_viewing(request, mapped, progress.at)
-        write_viewing_plan(folder, plan)
-    if not quiet:
-        columns = VIEWING_COLUMNS.items()
-        rows = [
-            [
-                "exact" if heading == "(95 %)" and not row.runs else cell.format(row)
-                for heading, cell in columns
-            ]
-            for row in plan.rows
-        ]
-        words = (f"assumed: {plan.request.truth.in_words}", *in_words(plan))
-        _print_plan([list(VIEWING_COLUMNS), *rows], words, out)
-
-
-def _truth(task: str, options: Mapping[str, Any]) -> Truth:
-    """Return what is true of the people of a task."""
-    if task == "rating":
-        from evenlight.analysis.plans.viewing_plan_rating import RatingTruth
-
-        return RatingTruth(**options)
-    if task == "comparison":
-        from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth
-
-        return ComparisonTruth(**options)
-    from evenlight.analysis.plans.viewing_plan_search import SearchTruth
-
-    return SearchTruth(**options)
-
-
-def _print_plan(rows: Sequence[Sequence[str]], words: Iterable[str], out: Path) -> None:
-    """Print a table (headings first; the first column to the left), and last what it comes to."""
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        others = (cell.rjust(width) for cell, width in zip(row[1:], widths[1:], strict=True))
-        typer.echo("  ".join([row[0].ljust(widths[0]), *others]))
-    typer.echo(f"all with simulated participants; results in {out}")
-    for sentence in words:
-        typer.echo(sentence)
-
-
-def whole_numbers(text: str, option: str) -> tuple[int, ...]:
-    """Return the numbers of a list such as "5,10,20", each once, in order.
-
-    >>> whole_numbers("20, 5,20", "--participants")
-    (5, 20)
-    """
-    if not re.fullmatch(" *-?[0-9]{1,9} *(, *-?[0-9]{1,9} *)*", text):
-        raise InputError(
-            f"{option} takes whole numbers with commas between them, such as 5,10,20; got {text!r}"
-        )
-    return tuple(sorted({int(part) for part in text.split(",")}))
-
-
-def _several(
-    task: str, cluster: str | None, quiet: bool
-) -> AbstractContextManager[Callable[..., Iterable[Any]]]:
-    """Return what yields a `map`: a cluster's if one is named, else over the cores where it takes long."""
-    if cluster is not None:
-        return opened_map(cluster, quiet)
-    return _processes() if task in ("ramp", "search") else nullcontext(map)
-
-
 @contextmanager
-def _processes() -> Iterator[Callable[..., Any]]:
-    """Yield a `map` over as many processes as there are cores; the plain one where there is one core."""
+def _several(task: str, cluster: str | None, quiet: bool) -> Iterator[Callable[..., Iterable[Any]]]:
+    """Yield a `map`: a cluster's if one is named, else over the cores where it takes long."""
+    if cluster is not None or task not in SLOW:
+        with opened_map(cluster, quiet) as mapped:
+            yield mapped
+        return
+    import signal
     from concurrent.futures import ProcessPoolExecutor
     from multiprocessing import get_context
 
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    if cores < 2:
-        yield map
-        return
-    executor = ProcessPoolExecutor(cores, mp_context=get_context("spawn"), initializer=_single_threaded)
+    from evenlight.method.choices import AnalysisEffort
+
+    # Ctrl-C is for the parent alone: each process would show its own traceback.
+    ignored = signal.signal, (signal.SIGINT, signal.SIG_IGN)
+    executor = ProcessPoolExecutor(AnalysisEffort(jobs=0).threads, get_context("spawn"), *ignored)
     try:
         yield executor.map
     finally:
         executor.shutdown(cancel_futures=True)
 
 
-def _single_threaded() -> None:
-    """Leave interruptions to the parent: each process would show its own traceback."""
-    import signal
+def _print_plan(found: Plan, columns: Columns, out: Path) -> None:
+    """Print a table (headings first; the first column to the left), and last what it comes to."""
+    rows: list[Sequence[str]] = [list(columns)]
+    rows.extend([cell(row) for cell in columns.values()] for row in found.rows)
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for first, *others in rows:
+        cells = (cell.rjust(width) for cell, width in zip(others, widths[1:], strict=True))
+        typer.echo("  ".join([first.ljust(widths[0]), *cells]))
+    typer.echo(f"all with simulated participants; results in {out}")
+    for words in found.said:
+        typer.echo(words)
 
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+plan.__signature__ = _with_options(plan)  # type: ignore[attr-defined] # which Typer reads

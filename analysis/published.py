@@ -47,5 +47,4 @@ def published_values(prefix: str = "") -> tuple[PublishedValue, ...]:
 
 @cache
 def _values() -> dict[str, PublishedValue]:
-    """Return all published numbers by name."""
     return {value.name: value for value in read_rows(PublishedValue, SURACE_2025)}

@@ -87,27 +87,24 @@ def load_ramp_data(dataset: Path, roll: RollCall | None = None) -> RampData:
 
 def _check_levels(session: RampSession) -> None:
     """Refuse trials that the session's design and display cannot have shown."""
-    if session.manifest.design is None:
+    manifest = session.manifest
+    if manifest.design is None:
         return  # imported: luminances as measured, compared with the display at the import
-    manifest, design = session.manifest, ramp_design(session.manifest)
-    display = cast(Display, manifest.display)
+    design, display = ramp_design(manifest), cast(Display, manifest.display)
     pixel_values = {"white": design.white_pixel_value, "gray": design.gray_pixel_value}
     for trial in session.trials:
-        where = f"{session.folder / TRIALS}: trial {trial.trial_index}"
         if trial.procedure is not design.procedure:
-            raise InputError(
-                f"{where}: procedure is {trial.procedure.value!r}, but {design.procedure.value!r} in the "
-                f"session's {MANIFEST}"
+            used, right = trial.procedure.value, design.procedure.value
+            wrong = f"procedure is {used!r}, but {right!r} in the session's {MANIFEST}"
+        elif trial.factor not in design.factors or trial.screen not in design.screens:
+            wrong = f"the session's design has no {trial.screen} screen at factor {trial.factor:g}"
+        else:
+            full = displayed_luminance(pixel_values[trial.screen], display)
+            luminance = float(dimmed_luminance(full - display.reflected_luminance, trial.factor, display))
+            if abs(trial.initial_luminance - luminance) <= ROUNDING * luminance:
+                continue
+            wrong = (
+                f"initial_luminance_cd_m2 is {trial.initial_luminance:g}, but {trial.screen} at factor "
+                f"{trial.factor:g} has {luminance:g} cd/m^2 on the session's display"
             )
-        if trial.factor not in design.factors or trial.screen not in design.screens:
-            raise InputError(
-                f"{where}: the session's design has no {trial.screen} screen at factor {trial.factor:g}"
-            )
-        full = displayed_luminance(pixel_values[trial.screen], display)
-        emitted = full - display.reflected_luminance
-        right = float(dimmed_luminance(emitted, trial.factor, display))
-        if abs(trial.initial_luminance - right) > ROUNDING * right:
-            raise InputError(
-                f"{where}: initial_luminance_cd_m2 is {trial.initial_luminance:g}, but {trial.screen} at "
-                f"factor {trial.factor:g} has {right:g} cd/m^2 on the session's display"
-            )
+        raise InputError(f"{session.folder / TRIALS}: trial {trial.trial_index}: {wrong}")

@@ -83,8 +83,35 @@ class Card:
 
 
 @dataclass(frozen=True, slots=True)
+class KeyFigure:
+    """One of the three or four figures with which a report begins.
+
+    Attributes
+    ----------
+    value : str
+        The figure with its unit, e.g. "0.33 points".
+    what : str
+        What it is, in a few words.
+    beside : str
+        What to hold it against, or how sure it is; empty for nothing.
+    warns : bool
+        Whether it says that something is wrong with the data.
+    """
+
+    value: str
+    what: str
+    beside: str = ""
+    warns: bool = False
+
+    @property
+    def in_words(self) -> str:
+        """The same on one line, as a terminal shows it."""
+        return f"{self.what}: {self.value}{f' ({self.beside})' if self.beside else ''}"
+
+
+@dataclass(frozen=True, slots=True)
 class Section:
-    """A section of the report: paragraphs, then tables and figures.
+    """A section of the report: paragraphs, pictures, tables, then methods.
 
     Attributes
     ----------
@@ -108,6 +135,10 @@ class Section:
         Pages beside the report, by their paths, and what they show.
     cards : tuple of Card
         Results beside the report, as a gallery; their pictures are loaded as they come into sight.
+    key_figures : tuple of KeyFigure
+        What came out, below the heading.
+    methods : tuple of str
+        How it was computed: the last that a reader looks for.
     """
 
     title: str
@@ -120,6 +151,8 @@ class Section:
     below: bool = False
     links: tuple[tuple[str, str], ...] = ()
     cards: tuple[Card, ...] = ()
+    key_figures: tuple[KeyFigure, ...] = ()
+    methods: tuple[str, ...] = ()
 
     @property
     def marks(self) -> tuple[str, ...]:
@@ -136,13 +169,15 @@ class Report:
     title : str
         Its title.
     lead : str
-        What came out, in a sentence or two.
+        What came out, in at most 60 words.
     sections : tuple of Section
         In order.
     simulated_note : str
         What is said on top if any of them is simulated.
     banner : str
         What every page says on top, on screen and on paper; empty for nothing.
+    key_figures : tuple of KeyFigure
+        What came out, how sure it is, and what is wrong with the data if anything is: three or four.
     """
 
     title: str
@@ -150,6 +185,7 @@ class Report:
     sections: tuple[Section, ...] = field(default=())
     simulated_note: str = SIMULATED_NOTE
     banner: str = ""
+    key_figures: tuple[KeyFigure, ...] = ()
 
 
 def probability(p: float) -> str:
@@ -188,6 +224,7 @@ def report_html(report: Report) -> str:
         "<main>",
         f"<h1>{escape(report.title)}</h1>",
         f'<p class="lead">{escape(report.lead)}</p>',
+        _key_figures(report.key_figures),
         f'<p class="simulated">{escape(report.simulated_note)}</p>' if simulated else "",
         _contents(report.sections),
         *(_section(number, section) for number, section in enumerate(report.sections, start=1)),
@@ -198,7 +235,6 @@ def report_html(report: Report) -> str:
 
 @cache
 def _style() -> str:
-    """Return the look of reports."""
     return Path(__file__).with_name("report.css").read_text(encoding="utf-8")
 
 
@@ -211,32 +247,42 @@ def _banner_style(banner: str) -> str:
 
 
 def _contents(sections: tuple[Section, ...]) -> str:
-    """Return the table of contents."""
     own = [(k, section) for k, section in enumerate(sections, start=1) if not section.below]
     links = (f'<li><a href="#s{k}">{escape(section.title)}</a></li>' for k, section in own)
     return f'<nav aria-label="Contents"><ul>{" ".join(links)}</ul></nav>' if len(sections) > 1 else ""
 
 
 def _section(number: int, section: Section) -> str:
-    """Return a section."""
     mark = "".join(f' <span class="mark">{escape(words)}</span>' for words in section.marks)
     heading = "h3" if section.below else "h2"
     return "\n".join(
         [
             f'<section id="s{number}"><{heading}>{escape(section.title)}{mark}</{heading}>',
+            *([_key_figures(section.key_figures)] if section.key_figures else ()),
             *(f"<p>{escape(text)}</p>" for text in section.paragraphs),
             *(f'<p><a href="{escape(path)}">{escape(text)}</a></p>' for path, text in section.links),
             *(f'<p class="note">{escape(text)}</p>' for text in section.notes),
             *(_figure(picture) for picture in section.pictures),
             *(_table(table) for table in section.tables),
             *([_cards(section.cards)] if section.cards else ()),
+            *(f'<p class="methods">{escape(text)}</p>' for text in section.methods),
             "</section>",
         ]
     )
 
 
+def _key_figures(figures: tuple[KeyFigure, ...]) -> str:
+    items = "".join(_key_figure(own) for own in figures)
+    return f'<ul class="key-figures">{items}</ul>' if figures else ""
+
+
+def _key_figure(own: KeyFigure) -> str:
+    kind = ' class="warns"' if own.warns else ""
+    beside = f"<small>{escape(own.beside)}</small>" if own.beside else ""
+    return f"<li{kind}><b>{escape(own.value)}</b> {escape(own.what)}{beside}</li>"
+
+
 def _cards(cards: tuple[Card, ...]) -> str:
-    """Return a gallery."""
     items = (
         f'<li><a href="{_url(card.page)}"><img loading="lazy" alt="" src="{_url(card.picture)}">'
         f"<b>{breakable(card.title)}</b></a> {escape(card.words)}</li>"
@@ -251,7 +297,6 @@ def _url(path: str) -> str:
 
 
 def _figure(picture: Picture) -> str:
-    """Return a figure with its picture inside."""
     data = base64.b64encode(picture.png).decode()
     caption = escape(picture.caption)
     return (
@@ -261,7 +306,6 @@ def _figure(picture: Picture) -> str:
 
 
 def _table(table: Table) -> str:
-    """Return a table; columns of numbers are aligned to the right."""
     texts = [[cell_text(cell) for cell in row] for row in table.rows]
     columns = [[row[k] for row in texts] for k in range(len(table.columns))]
     numeric = [_are_numbers(column) for column in columns]

@@ -1,8 +1,9 @@
 """Sections of a report from templates that read like the report (Jinja, in `analysis/prose/`).
 
-A template is the text of a section. Blank lines part its paragraphs; `# ` begins the title, `> ` a note. Line
-breaks within a paragraph do not count. Fixed prose stands there as prose, with the numbers put in. A template
-may be given a function that looks its numbers up, e.g. `{{ number("paired", "gym", "mean") | fixed(2) }}`.
+A template is the text of a section. Blank lines part its paragraphs; `# ` begins the title, `> ` a note, `~ `
+a paragraph on methods, which comes last in the section. Line breaks within a paragraph do not count. Fixed
+prose stands there as prose, with the numbers put in. A template may be given a function that looks its
+numbers up, e.g. `{{ number("paired", "gym", "mean") | fixed(2) }}`.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from evenlight.analysis.report import Picture, Section, Table
-from evenlight.analysis.wording import in_words, listed, p_in_words, spaced
+from evenlight.analysis.wording import counted, in_words, listed, p_in_words, spaced
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -56,9 +57,10 @@ def section(
         What the template names.
     """
     blocks = prose(template, simulated=simulated, **values)
-    titles, notes = ([b[2:] for b in blocks if b.startswith(sign)] for sign in ("# ", "> "))
-    text = tuple(b for b in blocks if not b.startswith(("# ", "> ")))
-    return Section(titles[0], text, tuple(tables), tuple(pictures), tuple(notes), simulated)
+    signs = ("# ", "> ", "~ ")
+    titles, notes, methods = (tuple(b[2:] for b in blocks if b.startswith(sign)) for sign in signs)
+    text = tuple(b for b in blocks if not b.startswith(signs))
+    return Section(titles[0], text, tuple(tables), tuple(pictures), notes, simulated, methods=methods)
 
 
 @cache
@@ -74,6 +76,7 @@ def _environment() -> Environment:
         autoescape=False,  # plain text; the report escapes it
     )
     found.filters.update(
+        counted=counted,
         listed=listed,
         p=p_in_words,
         spaced=spaced,

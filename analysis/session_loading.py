@@ -48,21 +48,15 @@ class Session(Generic[Trial]):
     @property
     def remarks(self) -> list[str]:
         """What is to be said about it: trials that are missing or do not count."""
-        manifest, used = self.manifest, len(self.trials)
-        remarks = []
+        manifest, used, remarks = self.manifest, len(self.trials), []
         if manifest.status not in WHOLE or used < manifest.n_trials:
-            remarks.append(
-                f"{self.folder}: the session is {manifest.status.value} with {used} of {manifest.n_trials} "
-                "trials; they are used"
-            )
+            words = f"{manifest.status.value} with {used} of {manifest.n_trials} trials; they are used"
+            remarks.append(f"the session is {words}")
         if self.n_repeated:
-            remarks.append(
-                f"{self.folder}: {self.n_repeated} trials had been shown before and interrupted; they are "
-                "used"
-            )
+            remarks.append(f"{self.n_repeated} trials had been shown before and interrupted; they are used")
         if self.n_flagged:
-            remarks.append(f"{self.folder}: trials left out: {self.n_flagged} flagged (dropped frames)")
-        return remarks
+            remarks.append(f"trials left out: {self.n_flagged} flagged (dropped frames)")
+        return [f"{self.folder}: {words}" for words in remarks]
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,28 +179,28 @@ def load_task(dataset: Path, task: str, cls: type[Trial], roll: RollCall | None 
     warnings: list[str] = []
     sessions, flagged = [], 0
     for entry in roll.read:
-        if entry.task == task:
-            session, remarks = _read_session(dataset / entry.folder, cls)
-            flagged += session.n_flagged
-            warnings += remarks
-            if session.trials:
-                sessions.append(session)
-                warnings += session.remarks
-            else:
-                left_out = f"{session.n_practice} of practice, {session.n_flagged} flagged (dropped frames)"
-                roll = roll.without(entry.folder, f"it has no trial that counts ({left_out})")
+        if entry.task != task:
+            continue
+        session, torn = _read_session(dataset / entry.folder, cls)
+        flagged += session.n_flagged
+        warnings += torn
+        if session.trials:
+            sessions.append(session)
+            warnings += session.remarks
+        else:
+            left_out = f"{session.n_practice} of practice, {session.n_flagged} flagged (dropped frames)"
+            roll = roll.without(entry.folder, f"it has no trial that counts ({left_out})")
     if not sessions:
         raise InputError(_nothing_to_read(dataset, task, roll, flagged))
+    simulated = {session.manifest.simulated for session in sessions}
+    if len(simulated) > 1:
+        raise InputError(
+            f"{dataset}: holds simulated and recorded {task} sessions; put them in two data sets"
+        )
     files = [session.folder / name for session in sessions for name in (MANIFEST, TRIALS)]
     digests = (f"{path.relative_to(dataset).as_posix()} {sha256_of_file(path)}\n" for path in files)
-    return TaskData(
-        task=task,
-        sessions=tuple(sessions),
-        simulated=_all_or_none_simulated(sessions, dataset, task),
-        sha256=sha256_of_bytes("".join(digests).encode()),
-        warnings=tuple(warnings),
-        roll=roll,
-    )
+    sha256 = sha256_of_bytes("".join(digests).encode())
+    return TaskData(task, tuple(sessions), simulated.pop(), sha256, tuple(warnings), roll=roll)
 
 
 def _nothing_to_read(dataset: Path, task: str, roll: RollCall, flagged: int) -> str:
@@ -219,17 +213,19 @@ def _nothing_to_read(dataset: Path, task: str, roll: RollCall, flagged: int) -> 
 
 
 def _read_session(folder: Path, cls: type[Trial]) -> tuple[Session[Trial], list[str]]:
-    """Return a session, and whether its last line was torn."""
-    path = folder / MANIFEST
-    manifest = record_from_mapping(SessionManifest, read_json(path, "the manifest of a session"), str(path))
-    trials, warnings = _read_trials(folder / TRIALS, cls)
+    """Return a session, and whether its last line was torn by an interruption."""
+    path, about = folder / TRIALS, folder / MANIFEST
+    told = read_json(about, "the manifest of a session")
+    manifest = record_from_mapping(SessionManifest, told, str(about))
+    lines, torn = read_json_lines(path, "one trial per line") if path.exists() else ([], None)
+    trials = [record_from_mapping(cls, content, f"{path}, line {number}") for number, content in lines]
     seen: set[int] = set()
     for trial in trials:
-        _require_own(trial, manifest, folder / TRIALS)
+        _require_own(trial, manifest, path)
         if trial.trial_index in seen:
             raise InputError(
-                f"{folder / TRIALS}: trial {trial.trial_index} is there twice; each trial_index may appear "
-                "once in a session"
+                f"{path}: trial {trial.trial_index} is there twice; each trial_index may appear once in a "
+                "session"
             )
         seen.add(trial.trial_index)
     session = Session(
@@ -240,11 +236,11 @@ def _read_session(folder: Path, cls: type[Trial]) -> tuple[Session[Trial], list[
         n_repeated=sum(trial.usable and trial.attempt > 1 for trial in trials),
         n_flagged=sum(not trial.practice and not trial.usable for trial in trials),
     )
-    return session, warnings
+    words = f"{path}, line {torn}: the last line is torn and was left out; the trial was not complete"
+    return session, [words] if torn else []
 
 
 def _require_own(trial: AnyTrial, manifest: SessionManifest, path: Path) -> None:
-    """Refuse a trial that does not belong to its session."""
     for name in ("participant_id", "session_id", "simulated"):
         got, right = getattr(trial, name), getattr(manifest, name)
         if got != right:
@@ -252,23 +248,3 @@ def _require_own(trial: AnyTrial, manifest: SessionManifest, path: Path) -> None
                 f"{path}: trial {trial.trial_index}: {name} is {got!r}, but {right!r} in the session's "
                 f"{MANIFEST}"
             )
-
-
-def _read_trials(path: Path, cls: type[Trial]) -> tuple[list[Trial], list[str]]:
-    """Return the trials of a file, and a warning if its last line was torn by an interruption."""
-    if not path.exists():
-        return [], []
-    lines, torn = read_json_lines(path, "one trial per line")
-    trials = [record_from_mapping(cls, content, f"{path}, line {number}") for number, content in lines]
-    words = f"{path}, line {torn}: the last line is torn and was left out; the trial was not complete"
-    return trials, [words] if torn else []
-
-
-def _all_or_none_simulated(sessions: list[Session[Trial]], dataset: Path, task: str) -> bool:
-    """Return whether the sessions are simulated, or refuse a mixture."""
-    kinds = {session.manifest.simulated for session in sessions}
-    if len(kinds) > 1:
-        raise InputError(
-            f"{dataset}: holds simulated and recorded {task} sessions; put them in two data sets"
-        )
-    return kinds.pop()

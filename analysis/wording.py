@@ -4,16 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-
 
 def in_words(name: str) -> str:
-    """Return the name of a sequence as it is written in a title.
+    """Return the name of a sequence as it is written in a title; other capitals are kept.
 
-    >>> in_words("living_room")
-    'Living room'
+    >>> in_words("living_room"), in_words("gym_HDR")
+    ('Living room', 'Gym HDR')
     """
-    return spaced(name).capitalize()
+    return sentence(spaced(name))
 
 
 def spaced(name: str) -> str:
@@ -23,6 +21,33 @@ def spaced(name: str) -> str:
     'living room'
     """
     return name.replace("_", " ")
+
+
+def counted(number: int, one: str, many: str = "") -> str:
+    """Return a number with its noun.
+
+    >>> counted(1, "search", "searches"), counted(2, "location")
+    ('1 search', '2 locations')
+    """
+    return f"{number} {one if number == 1 else many or one + 's'}"
+
+
+def participants(number: int, simulated: bool = False) -> str:
+    """Return how many people took part.
+
+    >>> participants(17, simulated=True)
+    '17 simulated participants'
+    """
+    return f"{number} {people_noun(number, simulated)}"
+
+
+def people_noun(number: int, simulated: bool = False) -> str:
+    """Return what so many people are, where the number stands apart.
+
+    >>> people_noun(1), people_noun(17, simulated=True)
+    ('participant', 'simulated participants')
+    """
+    return f"{'simulated ' * simulated}participant{'s' * (number != 1)}"
 
 
 def p_text(value: float | None) -> str | None:
@@ -74,31 +99,10 @@ def first_few(names: Sequence[str], most: int = 8) -> str:
     return f"{shown} and {len(names) - most} others" if len(names) > most else shown
 
 
-def percent(share: float) -> str:
+def percent(share: float, digits: int = 1) -> str:
     """Return a share in percent, for a sentence.
 
-    >>> percent(0.9377)
-    '93.8 %'
+    >>> percent(0.9377), percent(0.9377, digits=0)
+    ('93.8 %', '94 %')
     """
-    return f"{100 * share:.1f} %"
-
-
-def detection_in_words(summary: OptimizationSummary) -> str:
-    """Return sentences on how near to its limit a track changes, and how well that can be detected."""
-    if summary.share_near_limit is None or summary.reversals_per_s is None:
-        return "How long it is near the limit is not known (an older file)."
-    words = (
-        f"It spends {100 * summary.share_near_limit:.0f} % of the time above 0.9 of the rate limit, and "
-        f"turns back {summary.reversals_per_s:.2f} times a second. "
-    )
-    if summary.detectability is None:
-        return f"{words}How detectable that is can be said for a limit of `evenlight fit` only."
-    if summary.windows_noticed is None:
-        return (
-            f"{words}For someone who watches a plain screen, d' = {summary.detectability:.2g} over all of it."
-        )
-    return (
-        f"{words}Someone who watches a plain screen for changes would report one in "
-        f"{summary.windows_noticed:.1f} of {summary.windows} windows, false alarms included "
-        f"(d' = {summary.detectability:.2g} over all of it)."
-    )
+    return f"{100 * share:.{digits}f} %"

@@ -12,10 +12,10 @@ import numpy as np
 
 from benchmarks.decoding_points import encoded
 from benchmarks.measured import Approach, Chart, RunSettings, SubjectResults, claim, point
+from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import timed_in_turn
 from benchmarks.video_points import film
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
@@ -23,7 +23,7 @@ from evenlight.method.preset_files import load_display
 from evenlight.stimuli.dimmed.apply_options import Codec, DimmedFile
 from evenlight.stimuli.dimmed.apply_video import apply_track
 from evenlight.stimuli.dimmed.dimmed_samples import luma_chroma_codings
-from evenlight.stimuli.dimmed.dimming import dimmed_pixel_values
+from evenlight.stimuli.dimmed.dimming import pixel_scale
 from evenlight.stimuli.dimmed.matched_track import MatchedTrack
 from evenlight.stimuli.video.frame_conversion import LUMA_WEIGHTS, matrix_of, planes_of
 from evenlight.stimuli.video.video_file import VideoFile, open_video_file
@@ -123,7 +123,7 @@ def _dimmed_as_defined(video: VideoFile, matched: MatchedTrack) -> Iterator[Arra
     """Yield R', G', B' of a dimmed film (3, height, width), in float64."""
     factors = np.asarray(matched.loaded.track.factors)
     for rgb, factor in zip(_rgb(Path(str(video.path))), factors, strict=True):
-        yield dimmed_pixel_values(rgb, factor, matched.display.gamma)
+        yield rgb * pixel_scale(factor, matched.display.gamma)
 
 
 def _rgb(file: Path) -> Iterator[Array]:

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
 
 from benchmarks.measured import Chart
+from benchmarks.records import BenchmarkPoint, Role
 from evenlight.analysis.figure_style import (
     BASELINE,
     FAINT,
@@ -28,7 +29,6 @@ from evenlight.analysis.figure_style import (
     png_bytes,
     text_at,
 )
-from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 
 # As wide as a page, for a screen: pictures that go with a document are small files.
 SCREEN = replace(PAGE, dots_per_inch=110.0)
@@ -73,7 +73,7 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
         chart.title, f"lower left is better; error: {meanings}", SCREEN.width - 1.2, em
     )
     top = below + 1.9 * em + 2.75 + 4.2 * em  # of the list
-    figure = new_figure(SCREEN, height=top + LINE * (len(known) + 1))
+    figure = new_figure(top + LINE * (len(known) + 1), SCREEN)
     lines_at(figure, 0.5, title)
     axes = axes_at(figure, 0.9, below + 1.9 * em, SCREEN.width - 1.3, 2.75)
     positive = [p.error for p in known if p.error]
@@ -102,7 +102,7 @@ def _over_error(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
 
 def _over_size(chart: Chart, points: list[BenchmarkPoint]) -> Figure:
     """Return time over size, a line for each approach, labelled at its end."""
-    figure = new_figure(SCREEN, height=4.2)
+    figure = new_figure(4.2, SCREEN)
     em = SCREEN.em
     title, below = heading_lines(chart.title, "dotted: time in proportion to size", SCREEN.width - 1.2, em)
     lines_at(figure, 0.5, title)

@@ -14,24 +14,23 @@ from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.loss_curves import analyze_frames
 
 RATE = 12.5  # [Hz]
-SIZE = (384, 270)  # large enough for its finest band not to be counted in every frame
+SIZE = (384, 270)
 DISPLAY = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 
 
 def analyze_minutes(
-    minutes: str, tolerance: str, jobs: str = "1", order: str = PixelToLuminance.LINEAR_FIRST.value
+    minutes: str, jobs: str = "1", order: str = PixelToLuminance.LINEAR_FIRST.value
 ) -> LossCurves:
     """Analyse a video of so many minutes that is made as it is asked for."""
     n = round(float(minutes) * 60 * RATE)
     model = ContrastModel(pixel_to_luminance=PixelToLuminance(order))
-    effort = AnalysisEffort(float(tolerance), int(jobs))
-    return analyze_frames(_frames(n), "made", DISPLAY, model, effort=effort)
+    return analyze_frames(_frames(n), "made", DISPLAY, model, effort=AnalysisEffort(int(jobs)))
 
 
 def curves_size(minutes: float) -> float:
     """Return the memory of the curves themselves [MiB]."""
     n, knots = round(minutes * 60 * RATE), 65
-    return 8 * n * (knots + 8) / 2**20  # loss; two times, three channels, contrast, luminance, share
+    return 8 * n * (knots + 7) / 2**20  # loss; two times, three channels, contrast, luminance
 
 
 def _frames(n: int) -> Iterator[Frame]:

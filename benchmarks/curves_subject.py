@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 from benchmarks.chart import duration
@@ -18,9 +17,9 @@ from benchmarks.frame_points import (
 from benchmarks.gpu_points import curve_points
 from benchmarks.measured import Chart, RunSettings, SubjectResults, claim, growth, not_measured
 from benchmarks.memory_claims import memory_claims
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.video_definition import TARGET_ERROR, default_claims
-from benchmarks.video_points import EVERY_FRAME, TOLERANCE, USUAL, video_points
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
+from benchmarks.video_points import EVERY_FRAME, video_points
 from evenlight.data_schema.errors import InputError
 from evenlight.method.preset_files import load_display
 
@@ -50,7 +49,6 @@ def measure(settings: RunSettings) -> SubjectResults:
         claims=(
             *_frame_claims(frames),
             *decoding_claims(files),
-            *_video_claims(videos),
             *default_claims(errors),
             *memory_claims(settings),
         ),
@@ -93,18 +91,6 @@ def _frame_claims(frames: Points) -> list[BenchmarkClaim]:
     return [claim(words, TARGET_SECONDS, large.processor_time, "s", "one core, without decoding"), of_error]
 
 
-def _video_claims(videos: Points) -> list[BenchmarkClaim]:
-    """Return the target of a video: the tolerance holds, by itself."""
-    words = (
-        f"loss of all frames of a video at a tolerance of {TOLERANCE:g}, against every frame counted whole"
-    )
-    errors = [p.error for p in videos if p.approach == USUAL and p.error is not None]
-    if not errors:
-        return [not_measured(words, TOLERANCE, "", "no video could be made")]
-    note = "what the tolerance alone costs; checked where it is looked at, not proven"
-    return [claim(words, TOLERANCE, max(errors), "", note)]
-
-
 def _lead(frames: Points, videos: Points) -> str:
     """Return what came out."""
     ours = [p for p in frames if p.role is Role.DEFAULT]
@@ -115,15 +101,9 @@ def _lead(frames: Points, videos: Points) -> str:
         f"{definition.time / large.time:.3g} times less than {definition.approach}, and errs by "
         f"{large.error:.1g} at most."
     )
-    usual = [p for p in videos if p.approach == USUAL]
-    for p in usual:
-        whole = next(q for q in videos if q.task == p.task and q.approach == EVERY_FRAME)
+    for p in (p for p in videos if p.approach == EVERY_FRAME):
         tenth = next(q for q in videos if q.task == p.task and "as the paper" in q.approach)
-        words += (
-            f" Of the {p.task}, counting fine detail only where it changes takes "
-            f"{1 / (whole.ratio or math.nan):.2g} of the time and errs by {p.error:.1g}; one frame in ten "
-            f"errs by {tenth.error:.1g}."
-        )
+        words += f" The {p.task} take {duration(p.time)}; one frame in ten errs by {tenth.error:.1g}."
     return words
 
 
@@ -136,7 +116,7 @@ def _notes() -> tuple[str, ...]:
         "shows what the compiled loops save, its error in double precision what the one approximation costs.",
         "Half resolution and the sensitivity of the level's mean are other models of the same picture: what "
         "they err by is no error of computing.",
-        "The tolerance is of the loss at knots. Between knots a curve is a staircase of single pixels of the "
-        "coarse bands, which no number of knots follows.",
+        "Between knots a curve is a staircase of single pixels of the coarse bands, which no number of knots "
+        "follows.",
         "Results do not depend on the number of cores, byte for byte.",
     )

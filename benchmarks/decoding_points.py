@@ -14,9 +14,9 @@ from av.video.frame import VideoFrame
 
 from benchmarks.frame_points import OF_PIXELS, QUICK_SIZES, SIZES
 from benchmarks.measured import Approach, RunSettings, claim, point
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import timed_in_turn
 from benchmarks.video_points import RATE, film
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame

@@ -12,7 +12,8 @@ from scipy import optimize, special, stats
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
     MAX_GUESS,
     MAX_LAPSE,
-    PsychometricPrior,
+    WIDTH_PRIOR,
+    lapse_prior,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array
@@ -64,8 +65,8 @@ def psignifit_ln_threshold(counts: RampCounts) -> float:
     """
     import psignifit
 
-    prior, guess = PsychometricPrior(), counts.guess_rate or 0.0
-    a, b = prior.lapse_after(guess)
+    guess = counts.guess_rate or 0.0
+    a, b = lapse_prior(guess)
     x = np.log(counts.rates)
     options: dict[str, Any] = {
         "sigmoid": "logistic",
@@ -73,7 +74,7 @@ def psignifit_ln_threshold(counts: RampCounts) -> float:
         "fixed_parameters": {"eta": 1e-8},
         "priors": {
             "lambda": lambda lapse: stats.beta.pdf(lapse, a, b),
-            "width": lambda width: stats.lognorm.pdf(width, prior.width_spread, scale=prior.width_median),
+            "width": lambda width: stats.lognorm.pdf(width, WIDTH_PRIOR[1], scale=WIDTH_PRIOR[0]),
             "threshold": np.ones_like,
         },
         "bounds": {"width": (0.1, WIDEST), "lambda": (0.0, MAX_LAPSE), "threshold": (x[0] - 1, x[-1] + 1)},

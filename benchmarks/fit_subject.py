@@ -17,16 +17,15 @@ from benchmarks.fit_peers import (
 )
 from benchmarks.measured import Approach, Chart, RunSettings, SubjectResults, claim, growth, point
 from benchmarks.peak_memory import peak_memory
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
     COARSE_NODES,
-    PsychometricPrior,
     fit_psychometric,
     posterior_grid,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 RATES = np.geomspace(0.8, 12.0, 8)  # [cd/m^2/s] around a threshold of a bright screen
@@ -128,7 +127,7 @@ def _ours(counts: RampCounts) -> float:
 
 def _on_grid(counts: RampCounts, fine: tuple[int, int, int, int]) -> float:
     """Return the posterior mean of ln(threshold) on a grid of so many nodes, found by the coarse one."""
-    return posterior_grid(counts, PsychometricPrior(), COARSE_NODES, fine).mean_and_sd(0)[0]
+    return posterior_grid(counts, COARSE_NODES, fine).mean_and_sd(0)[0]
 
 
 def _has_psignifit() -> bool:
@@ -150,7 +149,7 @@ def _yes_no(
         f"fine grid {REFERENCE_NODES}": (Role.REFERENCE, partial(_on_grid, fine=REFERENCE_NODES)),
     }
     counts = [c for c, _ in people]
-    grids = [posterior_grid(c, PsychometricPrior(), COARSE_NODES, REFERENCE_NODES) for c in counts]
+    grids = [posterior_grid(c, COARSE_NODES, REFERENCE_NODES) for c in counts]
     truth, width = (np.array([grid.mean_and_sd(axis)[0] for grid in grids]) for axis in (0, 1))
     points = _points(YES_NO, approaches, counts, truth, settings)
     width_error = np.abs([fit_psychometric(c).ln_width.mean for c in counts] - width).max()

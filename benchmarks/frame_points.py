@@ -11,16 +11,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.curve_definition import loss_curves_by_definition
 from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.online_content import picture
+from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
 from benchmarks.unfused_pass import TABLE_STEPS, UnfusedPass
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
-from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.luminance import emitted_luminance
 
 SIZES = ((640, 360), (1280, 720), (1920, 1080))

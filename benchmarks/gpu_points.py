@@ -9,24 +9,26 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.curve_definition import loss_curves_by_definition
 from benchmarks.gpu_clock import copy_bandwidth, gpu_seconds
 from benchmarks.measured import Approach, RunSettings, claim, not_measured, point
 from benchmarks.online_content import picture
 from benchmarks.online_frames import QUICK_SIZES
 from benchmarks.online_frames import frame_task as loss_task
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.contrast_loss import contrast_loss
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
-from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.contrast.one_factor import MeasuredLoss, OneFactorLoss
 from evenlight.method.gpu.context import OwnContext, is_software, renderer_name
 from evenlight.method.gpu.frame_loss import GpuCurve, GpuLoss
-from evenlight.method.gpu.pyramid import FrameTexture, TextureContent, packed
+from evenlight.method.gpu.one_pass import GpuOnePass
+from evenlight.method.gpu.pyramid import FrameTexture, packed
 from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import scalar_rate_limit
@@ -89,7 +91,7 @@ class _Bench:
         height, width = self.shape
         four = np.concatenate([self.frame, np.full((height, width, 1), 255, np.uint8)], axis=2)
         texture = self.context.texture((width, height), 4, four.tobytes(), dtype="u1")
-        return FrameTexture(texture, TextureContent.LEVELS)
+        return FrameTexture(texture)
 
 
 @dataclass(frozen=True, slots=True)
@@ -163,8 +165,20 @@ def _curve_points_of(bench: _Bench) -> list[BenchmarkPoint]:
         bench.named("upload to read-back"), times["gpu"], error, CURVE_ERROR, renderer_name(bench.context)
     )
     texture = bench.texture()
-    work = _Work(lambda: curve.start(texture), curve.result, curve.one_pass.bytes_moved(BYTES))
+    work = _Work(lambda: curve.start(texture), curve.result, _bytes_moved(curve.one_pass))
     return [whole, _alone(bench, work, times["processor"], whole)]
+
+
+def _bytes_moved(one_pass: GpuOnePass) -> int:
+    """Return the bytes that have to pass between shaders and memory, each level once in each pass."""
+    sizes = [height * width for height, width in one_pass._pyramid.shapes]
+    levels = BYTES * sizes[0] + 4 * sum(sizes) + 4 * sum(sizes[1:-1])
+    first = [place.pixels for place in one_pass._layout.places]
+    counts = sum(
+        place.references * sum(sizes[sizes.index(size) :][:3])
+        for size, place in zip(first, one_pass._layout.places, strict=True)
+    )
+    return levels + 4 * counts + 4 * one_pass._layout.words
 
 
 def online_points(settings: RunSettings) -> tuple[list[BenchmarkPoint], list[BenchmarkClaim]]:
@@ -194,17 +208,17 @@ def _online_points_of(bench: _Bench) -> list[BenchmarkPoint]:
     processor, answer = OneFactorLoss(bench.shape, bench.display), _controller()
     runs: dict[str, Callable[[], Any]] = {
         "processor": lambda: answer(processor.of(bench.frame, FACTOR)),
-        "from texture to factor": lambda: answer(loss.of_texture(texture, FACTOR)),
+        "from texture to factor": lambda: answer(loss.of(texture, FACTOR)),
     }
     if not bench.software:  # which works at once, and is never late
         behind = _behind(bench, texture)
         runs["from texture to factor, one frame late"] = lambda: answer(behind())
     times = timed_in_turn(runs, bench.settings.repeats(3 if bench.software else 25))
     exact = contrast_loss(emitted_luminance(bench.frame, bench.display), FACTOR, bench.display)
-    error, name = abs(loss.of_texture(texture, FACTOR).loss - exact), renderer_name(bench.context)
+    error, name = abs(loss.of(texture, FACTOR).loss - exact), renderer_name(bench.context)
     default = times.pop("processor")
     points = [point(bench.named(words), t, float(error), LOSS_ERROR, name) for words, t in times.items()]
-    work = _Work(lambda: loss.start(texture, FACTOR), loss.result, loss.bytes_moved(BYTES))
+    work = _Work(lambda: loss.start(texture, FACTOR), loss.result, _bytes_moved(loss.one_pass))
     return [*points, _alone(bench, work, default, points[0])]
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import platform
+from pathlib import Path
 
-from evenlight.analysis.reproduction.measured_times import processor_name
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 
@@ -20,6 +20,16 @@ def machine() -> dict[str, str]:
         "python": platform.python_version(),
         "graphics": _graphics(),
     }
+
+
+def processor_name() -> str:
+    """Return the processor's name."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines()
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return names[0] if names else platform.machine()
 
 
 def _cores() -> int:

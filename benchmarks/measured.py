@@ -9,9 +9,9 @@ from typing import Protocol
 import numpy as np
 from scipy import stats
 
+from benchmarks.records import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 from benchmarks.stopwatch import Times
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 
 # Of three sizes one degree of freedom is left: an interval of 13 standard errors to each side says nothing.
 LEAST_SIZES = 4

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from benchmarks.curves_memory import curves_size
 from benchmarks.measured import RunSettings, claim, not_measured
 from benchmarks.peak_memory import peak_memory
-from benchmarks.video_points import TOLERANCE
-from evenlight.data_schema.benchmark import BenchmarkClaim
+from benchmarks.records import BenchmarkClaim
 from evenlight.data_schema.contrast_model import PixelToLuminance
 
 MEMORY = "benchmarks.curves_memory:analyze_minutes"
@@ -59,8 +58,7 @@ def _memory_claim(way: _Way, short: float) -> BenchmarkClaim:
     """Return the target of memory of one way."""
     words, long = _words(way, short), 10 * short
     least, most = (
-        peak_memory(MEMORY, str(minutes), str(TOLERANCE), str(way.jobs), way.order.value)
-        for minutes in (short, long)
+        peak_memory(MEMORY, str(minutes), str(way.jobs), way.order.value) for minutes in (short, long)
     )
     if least is None or most is None:
         return not_measured(words, SAME_MEMORY, "", "the system does not tell how much memory a process used")

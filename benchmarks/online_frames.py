@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from benchmarks.measured import Approach, RunSettings, point
 from benchmarks.online_content import content, layered_pictures, picture
 from benchmarks.peak_memory import peak_memory
+from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
-from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.contrast_loss import contrast_loss

@@ -10,15 +10,14 @@ import numpy as np
 from benchmarks.measured import Approach, RunSettings, claim, point
 from benchmarks.online_content import content
 from benchmarks.online_walk import BUDGET, HORIZON, OFFLINE, RATIO, WalkFrames, sd_ratio
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import (
-    VideoGovernor,
     VideoLookahead,
     control_ahead,
     control_curves,
@@ -90,7 +89,7 @@ def _pid(film: WalkFrames) -> Array:
     costs = frame_costs(film.curves, ASKED, film.power_model)
     first = float(loss_and_slope(film.curves, np.full(film.curves.n_frames, BUDGET))[0][0])
     controller = replace(film.controller, settings=replace(film.controller.settings, target_loss=first))
-    governed = VideoGovernor(governor_of(controller, ASKED), costs)
+    governed = (governor_of(controller, ASKED), costs)
     return control_curves(film.curves, controller, BUDGET, None, governed).factors
 
 

@@ -34,7 +34,7 @@ from benchmarks.online_walk import (
     hard_claims,
     walk_points,
 )
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.rate_limit import scalar_rate_limit

@@ -7,21 +7,21 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from benchmarks.controller_tuning import TuningResult, tune
 from benchmarks.measured import Approach, RunSettings, claim, point
 from benchmarks.online_content import bound_content, extreme_content, step_content
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.online.control_curves import VideoGovernor, control_curves
+from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, FrameMeasurement
 from evenlight.method.online.governor import GovernorSettings, frame_costs, governor_of
-from evenlight.method.online.tuning import TuningResult, tune
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.splitting import SplittingSolver
@@ -68,9 +68,7 @@ def walk_points(walk: WalkFrames, settings: RunSettings) -> tuple[list[Benchmark
     settings.say("the walk through the house")
     tuned = tune(walk.curves, walk.controller)
     budget = GovernorSettings(BUDGET, BudgetUnit.FACTOR, HORIZON)
-    governed = VideoGovernor(
-        governor_of(walk.controller, budget), frame_costs(walk.curves, budget, walk.power_model)
-    )
+    governed = (governor_of(walk.controller, budget), frame_costs(walk.curves, budget, walk.power_model))
     ways: dict[str, Callable[[], Array]] = {
         GAINS: lambda: _factors(walk, walk.controller.settings),
         PER_SECOND: lambda: _factors(walk, replace(walk.controller.settings, gain_rate=1.0)),

@@ -21,8 +21,8 @@ from benchmarks.optimizer_problems import (
     some_frames,
 )
 from benchmarks.peak_memory import peak_memory
+from benchmarks.records import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, Solution, optimize

@@ -11,12 +11,10 @@ import numpy as np
 
 from benchmarks.measured import Approach, RunSettings, claim, point
 from benchmarks.optimizer_problems import made_curves, mean_factor_problem, odd_problems
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
-from evenlight.data_schema.errors import InputError
 from evenlight.method.optimizer.optimize import Problem, Solver, optimize
 from evenlight.method.optimizer.slsqp import SlsqpSolver
-from evenlight.method.optimizer.solvers import Clarabel, Highs, SequentialConvexSolver
 from evenlight.method.optimizer.splitting import DENSE, FAR_TO_NEAR, SplittingSolver
 
 STARTS = 10
@@ -24,8 +22,6 @@ GAP = "objective above the best found by any, as a share of constant dimming's"
 AFFORDABLE = {
     "SLSQP, best of ten starts": 100,
     "SLSQP, one start": 400,
-    "HiGHS": 100,
-    "Clarabel": 100,
 }  # frames
 MISSED = "; curves that rise and fall at random have more local optima than the searches visit"
 IN_TURN = (50, 100)  # frames at which all approaches take seconds, and are timed several times
@@ -61,8 +57,8 @@ def task_of(frames: int) -> str:
     return f"{frames} frames, 2 s apart"
 
 
-def peer_points(settings: RunSettings, refused: dict[str, str]) -> list[BenchmarkPoint]:
-    """Return time and gap of every approach for several numbers of frames; some may be refused."""
+def peer_points(settings: RunSettings) -> list[BenchmarkPoint]:
+    """Return time and gap of every approach for several numbers of frames."""
     points = []
     for frames in (30,) if settings.quick else (*IN_TURN, 400):
         settings.say(f"{frames} frames, against other solvers")
@@ -70,7 +66,7 @@ def peer_points(settings: RunSettings, refused: dict[str, str]) -> list[Benchmar
         problem = mean_factor_problem(made_curves(frames, rng, frames_per_second=0.5), 0.5)
         runs = {name: (run, role) for name, (run, role) in _approaches(problem, settings.seed).items()
                 if frames <= AFFORDABLE.get(name, frames)}  # fmt: skip
-        times, found = _timed(runs, 3 if frames in IN_TURN and not settings.quick else 1, refused)
+        times, found = _timed(runs, 3 if frames in IN_TURN and not settings.quick else 1)
         best, base = min(found.values()), problem.objective(problem.baseline())
         for name, value in found.items():
             about = Approach(task_of(frames), name, runs[name][1], frames, "frames")
@@ -89,8 +85,6 @@ def _approaches(problem: Problem, seed: int) -> dict[str, tuple[Callable[[], flo
         "ours, one search": (lambda: by(SplittingSolver(stages=FAR_TO_NEAR)), Role.VARIANT),
         "SLSQP, one start": (partial(best_of, problem, 1, seed), Role.PEER),
         "SLSQP, best of ten starts": (partial(best_of, problem, STARTS, seed), Role.PEER),
-        "HiGHS": (lambda: by(SequentialConvexSolver(Highs())), Role.PEER),
-        "Clarabel": (lambda: by(SequentialConvexSolver(Clarabel())), Role.PEER),
     }
 
 
@@ -103,21 +97,15 @@ def best_of(problem: Problem, starts: int, seed: int) -> float:
 
 
 def _timed(
-    runs: Mapping[str, tuple[Callable[[], float], Role]], repeats: int, refused: dict[str, str]
+    runs: Mapping[str, tuple[Callable[[], float], Role]], repeats: int
 ) -> tuple[dict[str, Times], dict[str, float]]:
-    """Return the times of runs in turn, and what each found; those that refuse are named and left out."""
+    """Return the times of runs in turn, and what each found."""
     found: dict[str, float] = {}
 
     def remember(name: str) -> None:
-        if name in refused:
-            return
-        try:
-            found[name] = runs[name][0]()
-        except InputError as error:
-            refused[name] = str(error)
+        found[name] = runs[name][0]()
 
-    times = timed_in_turn({name: partial(remember, name) for name in runs}, repeats)
-    return times, {name: value for name, value in found.items() if name not in refused}
+    return timed_in_turn({name: partial(remember, name) for name in runs}, repeats), found
 
 
 def family_claims(settings: RunSettings) -> list[BenchmarkClaim]:

@@ -12,9 +12,8 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
-from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, optimize, pose

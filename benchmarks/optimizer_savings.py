@@ -17,9 +17,9 @@ from benchmarks.optimizer_problems import (
     some_frames,
     some_knots,
 )
+from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import timed_in_turn
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.benchmark import BenchmarkPoint, Role
 from evenlight.method.optimizer.optimize import Problem, optimize
 from evenlight.method.optimizer.splitting import SplittingSolver
 

@@ -16,18 +16,17 @@ from benchmarks.optimizer_lengths import (
 )
 from benchmarks.optimizer_peers import family_claims, peer_points
 from benchmarks.optimizer_savings import EDITS, edit_points, savings_points
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.method.optimizer.splitting import DENSE, SHORTEST
 
 
 def measure(settings: RunSettings) -> SubjectResults:
     """Return time against error of the optimizer, its growth and its claims."""
-    refused: dict[str, str] = {}
     lengths, kept = length_points(settings)
     rendered, rendered_kept = rendered_point(settings)
     targets = target_points(lengths, rendered)
     savings = savings_points(settings)
-    peers, edits, searches = peer_points(settings, refused), edit_points(settings), search_points(settings)
+    peers, edits, searches = peer_points(settings), edit_points(settings), search_points(settings)
     points = (*peers, *savings, *edits, *searches, *lengths, *targets)
     grown, exponent = growth_claim(lengths)
     claims = (*length_claims(targets, kept, rendered_kept), *family_claims(settings), exponent)
@@ -47,7 +46,6 @@ def measure(settings: RunSettings) -> SubjectResults:
         claims=claims,
         growth=grown,
         notes=_notes(points),
-        refused=refused,
     )
 
 
@@ -80,5 +78,5 @@ def _notes(points: tuple[BenchmarkPoint, ...]) -> tuple[str, ...]:
         "curves from a file, solves and certifies, beyond one that does nothing: the curves themselves and "
         "the compiled code are part of it, making the curves is not.",
         f"A start from the earlier track: {saved}.",
-        "SLSQP, HiGHS and Clarabel are left out where they would take minutes.",
+        "SLSQP is left out where it would take minutes.",
     )

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from benchmarks.chart import duration
 from benchmarks.measured import SubjectResults
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint
+from benchmarks.records import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint
 
 VERDICT = {True: "met", False: "**missed**", None: "not measured"}
 PREFACE = (

@@ -11,7 +11,7 @@ from benchmarks.chart import chart_png
 from benchmarks.machine import machine
 from benchmarks.measured import RunSettings, Subject, SubjectResults
 from benchmarks.page import page
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
+from benchmarks.records import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record

@@ -16,14 +16,13 @@ import numpy as np
 
 from benchmarks.decoding_points import encoded
 from benchmarks.measured import Approach, RunSettings, SubjectResults, claim, point
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
 from benchmarks.video_points import film
-from evenlight.analysis.catalogue.catalogue_run import run_catalogue
+from evenlight.analysis.catalogue.catalogue_results import run_catalogue
 from evenlight.analysis.catalogue.entries import videos_of
-from evenlight.analysis.catalogue.results import CatalogueTask
-from evenlight.analysis.tracks.asked_track import AskedTrack
+from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.cluster import Workers, opened_cluster
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, Role
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
 from evenlight.method.contrast.loss_curves import brightness_factors
@@ -33,10 +32,8 @@ from evenlight.progress import shown_progress
 SIZE, RATE = (320, 180), 25
 ONE, TWO = "one worker", "two workers"
 LOOP = "a shell loop of `evenlight optimize`"
-PARTS = "one long video in parts, two workers"
-WHOLE = "one long video, one worker"
 GROWTH_TARGET = 100.0  # MiB that the client may grow by over a catalogue of curves
-MOST = AskedTrack(0.5, no_cache=True, no_player=True)
+MOST = TrackRequest(budget=0.5, no_cache=True, no_player=True)
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,16 +44,14 @@ class ScaleSizes:
     catalogue: int  # of two seconds, against a loop
     loop: int  # of the loop
     curves: int  # entries whose loss curves are given
-    seconds: float  # of the long video
 
 
 def measure(settings: RunSettings) -> SubjectResults:
     """Return what a cluster costs and gives."""
-    sizes = ScaleSizes(4, 6, 2, 12, 45.0) if settings.quick else ScaleSizes(24, 200, 20, 2000, 600.0)
+    sizes = ScaleSizes(4, 6, 2, 12) if settings.quick else ScaleSizes(24, 200, 20, 2000)
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         several = _speed_up(settings, sizes, folder)
-        long = _long_video(settings, sizes, folder)
         loop, memory = _against_a_loop(settings, sizes, folder)
         curves, grown = _of_curves(settings, sizes, folder)
     claims = [
@@ -65,16 +60,15 @@ def measure(settings: RunSettings) -> SubjectResults:
             f"{sizes.curves} entries of 50 frames",
         ),
         _speed_claim("time of two workers, to that of one", 1 / 1.6, several, TWO),
-        _speed_claim("time of a long video in parts on two workers, to that of one", 1 / 1.4, long, PARTS),
     ]  # fmt: skip
     ratio = next(p.ratio for p in several if p.approach == TWO) or 1.0
     each = {p.approach: p.time for p in loop}
     return SubjectResults(
         name="scale",
-        title="Many and long videos",
+        title="Many videos",
         lead=f"Two workers take {ratio:.2f} of the time of one. In a catalogue on two, a clip of two seconds "
         f"takes {each[TWO]:.2f} s, in a shell loop {each[LOOP]:.2f} s. A worker holds {memory:.0f} MiB.",
-        points=(*several, *long, *loop, *curves),
+        points=(*several, *loop, *curves),
         charts=(),
         claims=tuple(claims),
         notes=(
@@ -82,7 +76,6 @@ def measure(settings: RunSettings) -> SubjectResults:
             "loads the compiled loops, does not count.",
             f"Memory of a worker is the largest of a process that made {sizes.catalogue} clips.",
             "Of the loop, each run is a process that loads Python, Evenlight and its loops anew.",
-            "The long video is decoded twice in parts: once to find repeated frames.",
         ),
     )
 
@@ -114,21 +107,21 @@ def _warm(workers: int, clip: Path, folder: Path) -> Iterator[Workers]:
         yield cluster
 
 
-def _made(workers: Workers, source: str, out: Path, part: float = 1e9) -> float:
+def _made(workers: Workers, source: str, out: Path) -> float:
     """Make a catalogue, and return how long it took [s]."""
     shutil.rmtree(out, ignore_errors=True)
     out.mkdir(parents=True)
-    tasks = [CatalogueTask(video, out, part) for video in videos_of(source, MOST, out)]
+    videos = videos_of(source, MOST, out)
     began = time.perf_counter()
     with shown_progress(quiet=True) as progress:
-        rows = run_catalogue(tasks, workers, progress)
+        rows = run_catalogue(videos, workers, progress)
     assert not any(row.error for row in rows), [row.error for row in rows if row.error][:1]
     return time.perf_counter() - began
 
 
 def _points(task: str, times: dict[str, Times], size: int, of: str) -> list[BenchmarkPoint]:
     """Return the points of approaches to a task, timed in turn."""
-    roles = {TWO: Role.DEFAULT, PARTS: Role.DEFAULT}
+    roles = {TWO: Role.DEFAULT}
     return [
         point(Approach(task, name, roles.get(name, Role.VARIANT), size, of), taken)
         for name, taken in times.items()
@@ -147,21 +140,6 @@ def _speed_up(settings: RunSettings, sizes: ScaleSizes, folder: Path) -> list[Be
         }
         times = timed_in_turn(runs, settings.repeats(3))
     return _points(f"{sizes.clips} clips of two seconds, {SIZE[0]} x {SIZE[1]}", times, sizes.clips, "videos")
-
-
-def _long_video(settings: RunSettings, sizes: ScaleSizes, folder: Path) -> list[BenchmarkPoint]:
-    """Return the times of a long video, whole and in parts."""
-    settings.say("a long video in parts")
-    frames = round(sizes.seconds * RATE)
-    video = encoded(folder / "long.mp4", film(*SIZE, frames, settings.seed))
-    clip = folder / "speed" / "0000.mp4"
-    with _warm(1, clip, folder) as one, _warm(2, clip, folder) as two:
-        runs: dict[str, Callable[[], object]] = {
-            WHOLE: lambda: _made(one, str(video), folder / "out"),
-            PARTS: lambda: _made(two, str(video), folder / "out", sizes.seconds / 8),
-        }
-        times = timed_in_turn(runs, settings.repeats(3))
-    return _points(f"a film of {sizes.seconds:g} s, {SIZE[0]} x {SIZE[1]}", times, frames, "frames")
 
 
 def _against_a_loop(
@@ -235,8 +213,8 @@ def _of_curves(settings: RunSettings, sizes: ScaleSizes, folder: Path) -> tuple[
 
 def _again(workers: Workers, source: Path, out: Path) -> float:
     """Return how long a catalogue takes of which all is there [s]."""
-    tasks = [CatalogueTask(video, out, 1e9) for video in videos_of(str(source), MOST, out)]
+    videos = videos_of(str(source), MOST, out)
     began = time.perf_counter()
     with shown_progress(quiet=True) as progress:
-        run_catalogue(tasks, workers, progress)
+        run_catalogue(videos, workers, progress)
     return time.perf_counter() - began

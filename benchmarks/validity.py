@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.analysis.judgement.judgement import MeasuredLosses, rank_correlation
+from evenlight.analysis.judgement.judgement import rank_correlation
 from evenlight.analysis.judgement.modulation import BEST, Light, installed_metric
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
@@ -34,8 +34,8 @@ SAMPLES = 61
 Loss = Callable[[Any, float], float]  # of pixel values, at a factor
 
 
-def losses_of(video: str, folder: Path, samples: int = SAMPLES) -> Iterator[MeasuredLosses]:
-    """Yield the losses of sampled frames by each measure, under a track and constant dimming.
+def losses_of(video: str, folder: Path, samples: int = SAMPLES) -> Iterator[tuple[str, Array, Array]]:
+    """Yield each measure, and the losses of sampled frames by it under a track and constant dimming.
 
     Parameters
     ----------
@@ -54,7 +54,7 @@ def losses_of(video: str, folder: Path, samples: int = SAMPLES) -> Iterator[Meas
     for name, loss in measures_on(geometry.display, (size[0], size[1])).items():
         ours = [loss(pixels, float(track.factors[k])) for k, pixels in frames]
         constant = [loss(pixels, loaded.baseline) for _, pixels in frames]
-        yield MeasuredLosses(name, np.array(ours), np.array(constant))
+        yield name, np.array(ours), np.array(constant)
 
 
 def measures_on(display: Display, shape: tuple[int, int]) -> dict[str, Loss]:
@@ -145,12 +145,12 @@ def main(video: str, folder: str, samples: str = str(SAMPLES)) -> None:
     """Print a row for each measure: levels, spreads, and rank correlation with the default."""
     print("measure | mean, constant | spread, constant | spread, track | rank correlation with the default")
     default: Array | None = None
-    for one in losses_of(video, Path(folder), int(samples)):
-        default = one.constant if default is None else default
-        correlation = rank_correlation(default, one.constant)
+    for measure, track, constant in losses_of(video, Path(folder), int(samples)):
+        default = constant if default is None else default
+        correlation = rank_correlation(default, constant)
         print(
-            f"{one.measure} | {one.constant.mean():.4f} | {pairwise_spread(one.constant):.4f} "
-            f"| {pairwise_spread(one.track):.4f} | {'–' if correlation is None else f'{correlation:.2f}'}"
+            f"{measure} | {constant.mean():.4f} | {pairwise_spread(constant):.4f} "
+            f"| {pairwise_spread(track):.4f} | {'–' if correlation is None else f'{correlation:.2f}'}"
         )
 
 

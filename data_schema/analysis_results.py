@@ -7,10 +7,9 @@ A `Statistic` is a number with its interval and its origin; a `PlottedPoint` is 
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, quantity, record, share
 from evenlight.data_schema.recordings.roll_call import RollCall
 
 MOST_PARTICIPANTS = 1000  # a plan that needs more is no plan
@@ -27,7 +26,7 @@ class Origin(enum.Enum):
     MEASURED = "measured here"  # a time that the machine took which made the report
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Statistic:
     """One number of a result: a row of a table of results."""
 
@@ -43,28 +42,21 @@ class Statistic:
         default=None,
     )
     ci_high: float | None = quantity("1", "upper end of that interval; empty for none", default=None)
-    interval: float | None = quantity(
-        "1", "level of the interval, e.g. 0.95; empty without one", above=0.0, maximum=1.0, default=None
+    interval: float | None = share(
+        "level of the interval, e.g. 0.95; empty without one", above=0.0, default=None
     )
-    p_value: float | None = quantity(
-        "1", "p-value of the test that method names", minimum=0.0, maximum=1.0, default=None
-    )
-    p_adjusted: float | None = quantity(
-        "1", "that p-value, adjusted for the number of tests", minimum=0.0, maximum=1.0, default=None
-    )
-    n: int | None = quantity(
-        "1", "number of participants it rests on, or of trials if method says so", minimum=0, default=None
-    )
+    p_value: float | None = share("p-value of the test that method names", default=None)
+    p_adjusted: float | None = share("that p-value, adjusted for the number of tests", default=None)
+    n: int | None = count("number of participants it rests on, or of trials if method says so", default=None)
     method: str = described("how it was computed", default="")
     flag: str = described("why it should be looked at, or is missing; empty for nothing", default="")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.value is None and not self.flag:
             raise ValueError(f"{self.what!r} has no value, and no flag that says why")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PlottedPoint:
     """One point, bar or step of a figure: a row of the table beside it."""
 
@@ -80,15 +72,10 @@ class PlottedPoint:
     origin: Origin = described("where it comes from")
     low: float | None = quantity("1", "lower end of the bar or band of uncertainty", default=None)
     high: float | None = quantity("1", "upper end of the bar or band of uncertainty", default=None)
-    n: int | None = quantity(
-        "1", "number of participants, trials or frames it rests on", minimum=0, default=None
-    )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
+    n: int | None = count("number of participants, trials or frames it rests on", default=None)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class AnalysisSummary:
     """What an analysis was made of and came to."""
 
@@ -105,11 +92,8 @@ class AnalysisSummary:
     roll: RollCall | None = described("sessions of the data set, those that were not read too", default=None)
     quick: bool = described("true for a quick run, whose numbers are no result", default=False)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class PublishedValue:
     """A number as the paper prints it."""
 
@@ -125,16 +109,13 @@ class PublishedValue:
     place: str = described("table, equation, figure or section it stands in")
     note: str = described("what one should know of it; empty for nothing", default="")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
     @property
     def number(self) -> float:
         """The number that is printed."""
         return float(self.text)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RampPlanRow:
     """What one design with so many trials and participants gives: a row of `plan.csv`."""
 
@@ -168,57 +149,32 @@ class RampPlanRow:
     )
     hours_needed: float | None = quantity("h", "length of the sessions of all of them", key="hours_needed")
 
-    @property
-    def participants_needed_in_words(self) -> str:
-        """How many participants are needed, with the interval that the pool leaves: "33 (26 to 40)"."""
-        low, high = self.participants_needed_low, self.participants_needed_high
-        if low is None:
-            return f"above {MOST_PARTICIPANTS}"
-        middle = self.participants_needed or f"above {MOST_PARTICIPANTS}"
-        return f"{middle} ({low} to {high or f'above {MOST_PARTICIPANTS}'})"
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class ViewingPlanRow:
     """What so many participants of a viewing experiment show by one test: a row of `plan.csv`."""
 
     task: str = described("rating, comparison or search")
     test: str = described("what is tested, and how")
-    participants: int = quantity("1", "number of participants", minimum=1)
+    participants: int = count("number of participants", minimum=1)
     effect: float = quantity("1", "true effect for which the power is computed, in effect_unit")
     effect_unit: str = described("unit of the effect: rating points, share of answers, ratio of times")
     margin: float | None = quantity(
         "1", "margin of an equivalence test; empty for a test of a difference", above=0.0
     )
-    level: float = quantity(
-        "1", "level of the test: 0.05, or less if it is one of several", above=0.0, maximum=1.0
+    level: float = share("level of the test: 0.05, or less if it is one of several", above=0.0)
+    power: float = share("share of experiments in which the test finds what is true")
+    power_low: float = share(
+        "lower end of its 95 % confidence interval from simulation; the power itself if exact"
     )
-    power: float = quantity(
-        "1", "share of experiments in which the test finds what is true", minimum=0.0, maximum=1.0
+    power_high: float = share("upper end of its 95 % confidence interval; the power itself if exact")
+    type_i_error: float = share(
+        "share of experiments that find what is not true: a difference, or none at the margin"
     )
-    power_low: float = quantity(
-        "1",
-        "lower end of its 95 % confidence interval from simulation; the power itself if exact",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    power_high: float = quantity(
-        "1", "upper end of its 95 % confidence interval; the power itself if exact", minimum=0.0, maximum=1.0
-    )
-    type_i_error: float = quantity(
-        "1",
-        "share of experiments that find what is not true: a difference, or none at the margin",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    type_i_error_low: float = quantity(
-        "1", "lower end of its 95 % confidence interval; the share itself if exact", minimum=0.0, maximum=1.0
-    )
-    type_i_error_high: float = quantity(
-        "1", "upper end of its 95 % confidence interval; the share itself if exact", minimum=0.0, maximum=1.0
-    )
-    runs: int = quantity("1", "simulated experiments; 0 for exact", minimum=0)
-    wanted_power: float = quantity("1", "power asked for", above=0.0, maximum=1.0)
+    type_i_error_low: float = share("lower end of its 95 % confidence interval; the share itself if exact")
+    type_i_error_high: float = share("upper end of its 95 % confidence interval; the share itself if exact")
+    runs: int = count("simulated experiments; 0 for exact")
+    wanted_power: float = share("power asked for", above=0.0)
     meets: bool = described("true if the power is the one asked for or more")
     participants_needed: int | None = quantity(
         "1", "participants needed for the power asked for; empty beyond what is tried"
@@ -229,6 +185,3 @@ class ViewingPlanRow:
     participants_needed_high: int | None = quantity(
         "1", "upper end of its 95 % confidence interval from simulation"
     )
-
-    def __post_init__(self) -> None:
-        check_limits(self)

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, quantity, record
 
 LOWEST_FREQUENCY = 0.5  # [cpd] FovVideoVDP's lowest band, Mantiuk et al. (2021)
 FIELD_SIZE = 60.0  # X0 [deg]; ITU-R BT.2246 and the authors' script
@@ -59,7 +58,7 @@ class LossForm(enum.Enum):
     SUPRATHRESHOLD = "suprathreshold"  # the share of perceived contrast above threshold that is lost
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ContrastModel:
     """All choices of the contrast model; the defaults are those of docs/decisions."""
 
@@ -72,8 +71,8 @@ class ContrastModel:
     lowest_frequency: float = quantity(
         "cpd", "lowest frequency of a band", above=0.0, maximum=1e3, default=LOWEST_FREQUENCY
     )
-    band_count: int | None = quantity(
-        "1", "number of bands, in place of those above lowest_frequency", minimum=1, default=None
+    band_count: int | None = count(
+        "number of bands, in place of those above lowest_frequency", minimum=1, default=None
     )
     sensitivity: SensitivityModel = described(
         "which contrast sensitivity function S_CSF", default=SensitivityModel.BARTEN
@@ -113,9 +112,6 @@ class ContrastModel:
         maximum=1.0,
         default=EPSILON,
     )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
 
 DEFAULT_MODEL = ContrastModel()

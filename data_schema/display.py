@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
-from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
+from evenlight.data_schema.quantities import MOMENT, described, quantity, record
 
 # Beyond these a number is a typing error or in another unit, and the model would overflow or see nothing.
 HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc
@@ -19,7 +17,7 @@ LOWEST_CONTRAST = (
 COARSEST, FINEST = 1e-3, 1e4  # [1/deg] the eye resolves 60 cycles, which takes 120 pixels
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Display:
     """A display, as measured with a luminance meter (parameters of the paper's Eq. 1)."""
 
@@ -58,7 +56,6 @@ class Display:
     provenance: Provenance | None = described("how the file of a measured display was made", default=None)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if not self.black_level < self.peak_luminance / LOWEST_CONTRAST:
             raise ValueError(
                 f"need black_level < peak_luminance / {LOWEST_CONTRAST:g}, got {self.black_level:.10g} and "

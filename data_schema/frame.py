@@ -114,7 +114,6 @@ class Frame:
 
 
 def _check(pixels: NDArray[Any], time: float) -> None:
-    """Refuse an array that is none of pixel values."""
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype.name not in PIXEL_TYPES:
         raise ValueError(
             f"the frame at {time:g} s needs pixel values of shape (height, width, 3), "

@@ -12,7 +12,6 @@ import json
 import types
 import typing
 from collections.abc import Iterator, Mapping
-from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -88,13 +87,10 @@ def schemas() -> dict[str, Schema]:
     return {kind.name: schema_of(kind) for kind in KINDS if kind.record is not LossCurves}
 
 
-def schema_of(kind: RecordKind, types: dict[str, Any] | None = None) -> Schema:
-    """Return the JSON Schema of a record; the unit of a quantity is in the annotation `unit`.
-
-    Types of its fields may be given in place of those that are declared.
-    """
+def schema_of(kind: RecordKind) -> Schema:
+    """Return the JSON Schema of a record; the unit of a quantity is in the annotation `unit`."""
     parts: dict[str, Schema] = {}
-    own = _track_row() if kind.record is BrightnessTrack else _object(kind.record, parts, types)
+    own = _track_row() if kind.record is BrightnessTrack else _object(kind.record, parts)
     head = {
         "$schema": DIALECT,
         "$id": f"urn:evenlight:schema:{SCHEMA_VERSION}:{kind.name}",
@@ -103,10 +99,10 @@ def schema_of(kind: RecordKind, types: dict[str, Any] | None = None) -> Schema:
     return {**head, **own, **({"$defs": dict(sorted(parts.items()))} if parts else {})}
 
 
-def _object(cls: type[Any], parts: dict[str, Schema], types: dict[str, Any] | None = None) -> Schema:
+def _object(cls: type[Any], parts: dict[str, Schema]) -> Schema:
     """Return the schema of a record, and put those of its parts into `parts`."""
     properties, required = {}, []
-    kinds = types or type_hints(cls)
+    kinds = type_hints(cls)
     for field in dataclasses.fields(cls):
         properties[file_key(field)] = _property(field, kinds[field.name], parts)
         if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING:
@@ -115,7 +111,6 @@ def _object(cls: type[Any], parts: dict[str, Schema], types: dict[str, Any] | No
 
 
 def _closed(cls: type[Any], properties: dict[str, Schema], required: list[str]) -> Schema:
-    """Return the schema of an object without other properties."""
     return {
         "description": (cls.__doc__ or "").partition("\n")[0],
         "type": "object",
@@ -126,7 +121,6 @@ def _closed(cls: type[Any], properties: dict[str, Schema], required: list[str]) 
 
 
 def _track_row() -> Schema:
-    """Return the schema of a row of `track.csv`, one number of each of a track's arrays."""
     frame = {"type": "integer", "minimum": 0, "unit": "1", "description": "number of the frame, from 0"}
     columns = {
         file_key(field): {**_type_of(float, field.metadata, {}), **_annotations(field)}
@@ -137,7 +131,6 @@ def _track_row() -> Schema:
 
 
 def _property(field: dataclasses.Field[Any], kind: Any, parts: dict[str, Schema]) -> Schema:
-    """Return the schema of one field: what it may be, and what it is."""
     schema = {**_type_of(kind, field.metadata, parts), **_annotations(field)}
     if field.default is not dataclasses.MISSING:
         schema["default"] = plain_value(field.default)
@@ -147,13 +140,11 @@ def _property(field: dataclasses.Field[Any], kind: Any, parts: dict[str, Schema]
 
 
 def _annotations(field: dataclasses.Field[Any]) -> Schema:
-    """Return what a field is: its unit if it is a quantity, its meaning."""
     unit = {"unit": field.metadata["unit"]} if "unit" in field.metadata else {}
     return {**unit, "description": field.metadata["doc"]}
 
 
 def _type_of(kind: Any, meta: Mapping[str, Any], parts: dict[str, Schema]) -> Schema:
-    """Return what a value of a type may be, within the limits of its field."""
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (types.UnionType, typing.Union):
         return _one_of([_type_of(part, meta, parts) for part in arguments])
@@ -175,7 +166,6 @@ def _type_of(kind: Any, meta: Mapping[str, Any], parts: dict[str, Schema]) -> Sc
 
 
 def _list_of(arguments: tuple[Any, ...], meta: Mapping[str, Any], parts: dict[str, Schema]) -> Schema:
-    """Return the schema of a list: of any length, or of the length that its type says."""
     items = {"type": "array", "items": _type_of(arguments[0], meta, parts)}
     if arguments[-1] is not Ellipsis:
         return {**items, "minItems": len(arguments), "maxItems": len(arguments)}
@@ -193,13 +183,6 @@ def _one_of(choices: list[Schema]) -> Schema:
 def schema_text(schema: Schema) -> str:
     """Return a schema as the text of its file."""
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
-
-
-@cache
-def committed_schema(name: str) -> Schema:
-    """Return a committed schema by the name of its kind."""
-    content: Schema = json.loads((FOLDER / f"{name}.json").read_text(encoding="utf-8"))
-    return content
 
 
 def data_dictionary(made: dict[str, Schema]) -> str:
@@ -224,7 +207,6 @@ def data_dictionary(made: dict[str, Schema]) -> str:
 
 
 def _section(kind: RecordKind, rows: Iterator[tuple[str, ...]]) -> str:
-    """Return the section of one kind of file."""
     names = ", ".join(f"`{name}`" for name in kind.file_names)
     form = {
         FileFormat.TOML: "TOML",
@@ -242,16 +224,14 @@ def _section(kind: RecordKind, rows: Iterator[tuple[str, ...]]) -> str:
 
 
 def _table(rows: Iterator[tuple[str, ...]]) -> str:
-    """Return a table of keys."""
     lines = ["| key | type | unit | limits | default | meaning |", "|---|---|---|---|---|---|"]
     lines += ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join(lines) + "\n"
 
 
 def _rows(schema: Schema, known: dict[str, str]) -> Iterator[tuple[str, ...]]:
-    """Yield the row of each property of a schema."""
     for key, value in schema["properties"].items():
-        default = "" if key in schema["required"] else _default(value.get("default"))
+        default = "" if key in schema["required"] else json.dumps(value.get("default"), ensure_ascii=False)
         yield (
             f"`{key}`",
             _type_words(value, known),
@@ -263,20 +243,16 @@ def _rows(schema: Schema, known: dict[str, str]) -> Iterator[tuple[str, ...]]:
 
 
 def _array_rows() -> Iterator[tuple[str, ...]]:
-    """Yield the row of each array of loss curves, N frames at K brightness factors."""
-    yield "`header`", "text", "", "", "", "JSON: video, display, provenance, tolerance"
+    yield "`header`", "text", "", "", "", "JSON: video, display, provenance"
     for field in dataclasses.fields(LossCurves):
         if field.name in ARRAY_SHAPES:
             shape = " × ".join(ARRAY_SHAPES[field.name])
-            limits = {"above": "exclusiveMinimum", "minimum": "minimum", "maximum": "maximum"}
-            found = {word: field.metadata[key] for key, word in limits.items()}
-            words = _limit_words({word: limit for word, limit in found.items() if limit is not None})
+            words = _limit_words(_type_of(float, field.metadata, {}))
             unit = _unit(field.metadata["unit"])
             yield f"`{field.name}`", f"numbers, {shape}", unit, words, "", field.metadata["doc"]
 
 
 def _type_words(value: Schema, known: dict[str, str]) -> str:
-    """Return what a value may be, in words."""
     if "anyOf" in value:
         return " or ".join(_type_words(choice, known) for choice in value["anyOf"])
     if "$ref" in value:
@@ -296,7 +272,6 @@ def _type_words(value: Schema, known: dict[str, str]) -> str:
 
 
 def _limit_words(value: Schema) -> str:
-    """Return the limits of a value, in words."""
     for choice in (value.get("items", {}), *value.get("anyOf", ())):
         value = {**choice, **value}
     words = {"exclusiveMinimum": "above", "minimum": "at least", "maximum": "at most"}
@@ -310,13 +285,7 @@ def _limit_words(value: Schema) -> str:
     return ", ".join(limits)
 
 
-def _default(value: Any) -> str:
-    """Return a default as it is written in JSON."""
-    return json.dumps(value, ensure_ascii=False)
-
-
 def _unit(unit: str) -> str:
-    """Return a unit as it is printed; nothing for a pure number."""
     return "" if unit == "1" else unit.replace("^2", "²")
 
 

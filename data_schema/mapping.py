@@ -8,15 +8,16 @@ import enum
 import json
 import types
 import typing
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError, shown
 from evenlight.data_schema.provenance import SCHEMA_VERSION, sha256_of_bytes
-from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.quantities import check_limits, file_key, limit_expected, typed
 
 Record = TypeVar("Record")
+Place = tuple[str | int, ...]  # keys and list indices, from the outermost in
 
 
 def mapping_from_record(record: Any) -> dict[str, Any]:
@@ -58,7 +59,8 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
     cls : type
         The record's class.
     data : object
-        What was read; anything but a mapping with the record's keys is refused.
+        What was read; anything but a mapping with the record's keys is refused. Keys that earlier versions
+        wrote are passed over if the class names them in `FORMER_KEYS`.
     where : str
         File (and line) it came from, for the error.
 
@@ -72,24 +74,69 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
     refuse_newer_schema(data, where)
     fields, required = keys_of(cls)
     for key in data:
-        if key not in fields:
+        if key not in fields and key not in getattr(cls, "FORMER_KEYS", ()):
             raise InputError(f"{where}: {unknown_key(key, fields)}")
     for key in required:
         if key not in data:
             raise InputError(f"{where}: the key {key!r} of a {cls.__name__} is missing")
-    kinds = types_in(cls, data)
-    values = {}
-    for key, name in fields.items():
-        if key in data:
-            kind, value = kinds[name], data[key]
-            # Most values are of their type already, and a data set has hundreds of thousands of them.
-            values[name] = value if type(value) is kind else _typed(kind, value, f"{where}: {key}")
+    parts = types_in(cls, data)
+    values = {name: data[key] for key, name in fields.items() if key in data}
+    for key, name in _inner_records(cls):
+        if name in values:
+            values[name] = _with_records(parts[name], values[name], f"{where}: {key}")
     try:
-        return cls(**values)
-    except InputError:
-        raise
+        made = cls(**values)
+        if not hasattr(cls, "__post_init__"):  # a task's from a package, which takes anything
+            check_limits(made)
+        return made
     except ValueError as error:
-        raise InputError(f"{where}: {error}") from error
+        raise InputError(f"{where}: {error}") from None
+
+
+def problems_in(cls: type[Any], data: object, place: Place = ()) -> Iterator[tuple[Place, str]]:
+    """Yield every place at which a mapping is not that of a record, and what would be right there.
+
+    >>> from evenlight.data_schema.display import Display
+    >>> list(problems_in(Display, {"peak_luminance_cd_m2": -1.0}))[-1]
+    (('peak_luminance_cd_m2',), 'expected at least 1e-06 cd/m^2, got -1')
+    """
+    if not isinstance(data, Mapping):
+        yield place, f"expected a table of names and values, got {shown(data)}"
+        return
+    known, required = keys_of(cls)
+    yield from ((place, f"the key {key!r} is missing") for key in required if key not in data)
+    for key in data:
+        if key not in known and key not in getattr(cls, "FORMER_KEYS", ()):
+            yield (*place, key), unknown_key(key, known)
+    kinds = types_in(cls, data)
+    for field in dataclasses.fields(cls):
+        if file_key(field) in data:
+            key = file_key(field)
+            yield from _problems_at(field, kinds[field.name], data[key], (*place, key))
+
+
+def _problems_at(
+    field: dataclasses.Field[Any], kind: Any, value: Any, place: Place
+) -> Iterator[tuple[Place, str]]:
+    parts = typing.get_args(kind)
+    if isinstance(value, list) and typing.get_origin(kind) is tuple:
+        inside = [
+            each for n, one in enumerate(value) for each in _problems_at(field, parts[0], one, (*place, n))
+        ]
+        yield from inside
+        if inside or _holds_records(kind):
+            return
+    elif _holds_records(kind) and typing.get_origin(kind) is not tuple:
+        if value is not None or type(None) not in parts:
+            yield from problems_in(_likeliest(parts or (kind,), value), value, place)
+        return
+    try:
+        value = typed(kind, value, "")
+    except InputError as error:
+        yield place, str(error).removeprefix(": ")
+    else:
+        if problem := "" if value is None else limit_expected(field, value):
+            yield place, problem
 
 
 def unknown_key(key: object, known: Iterable[str]) -> str:
@@ -102,22 +149,6 @@ def unknown_key(key: object, known: Iterable[str]) -> str:
     hint = difflib.get_close_matches(str(key), known, n=1)
     guess = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(known)}"
     return f"unknown key {shown(key)}; {guess}"
-
-
-def shown(value: object) -> str:
-    """Return a value as it is put into a message: as JSON names its kind, and not too long.
-
-    >>> shown({"a": 1}), shown([1, 2]), shown(None)
-    ('a table', 'a list', 'null')
-    """
-    if isinstance(value, Mapping):
-        return "a table"
-    if isinstance(value, list | tuple):
-        return "a list"
-    if value is None or isinstance(value, bool):
-        return {None: "null", True: "true", False: "false"}[value]
-    text = repr(value)
-    return text if len(text) <= 60 else f"{text[:60]}…"
 
 
 def keys_of(cls: type[Any]) -> tuple[dict[str, str], tuple[str, ...]]:
@@ -171,59 +202,35 @@ def refuse_newer_schema(data: Mapping[str, Any], where: str) -> None:
         )
 
 
-def _typed(kind: Any, value: Any, where: str) -> Any:
-    """Return a plain value as the type that a field declares."""
-    origin = typing.get_origin(kind)
-    if origin in (types.UnionType, typing.Union):
-        if value is None and types.NoneType in typing.get_args(kind):
-            return None
-        return _typed(_likeliest(typing.get_args(kind), value), value, where)
-    if origin is tuple:
-        if not isinstance(value, list | tuple):
-            raise InputError(f"{where}: expected a list, got {shown(value)}")
-        parts = typing.get_args(kind)
-        of = [parts[0]] * len(value) if parts[-1] is Ellipsis else list(parts)
-        if len(of) != len(value):
-            raise InputError(f"{where}: expected {len(of)} values, got {len(value)}")
-        return tuple(_typed(k, v, where) for k, v in zip(of, value, strict=True))
-    if origin is dict:
-        if not isinstance(value, Mapping):
-            raise InputError(f"{where}: expected a table of names and values, got {shown(value)}")
-        return {str(k): _typed(typing.get_args(kind)[1], v, where) for k, v in value.items()}
-    if dataclasses.is_dataclass(kind):
-        return record_from_mapping(typing.cast("type[Any]", kind), value, where)
-    if isinstance(kind, type) and issubclass(kind, enum.Enum):
-        return _choice(kind, value, where)
-    if kind is float and type(value) is int:
-        return _float(value, where)
-    if kind in (int, float, str, bool) and type(value) is not kind:
-        names = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
-        raise InputError(f"{where}: expected {names[kind]}, got {shown(value)}")
-    return value
+def _inner_records(cls: type[Any]) -> tuple[tuple[str, str], ...]:
+    """Return key and name of the fields of a record that hold records."""
+    return _inner(typing.cast(Hashable, cls))
+
+
+@cache
+def _inner(cls: Any) -> tuple[tuple[str, str], ...]:
+    kinds = type_hints(cls)
+    return tuple((key, name) for key, name in _keys(cls)[0].items() if _holds_records(kinds[name]))
+
+
+def _holds_records(kind: Any) -> bool:
+    return dataclasses.is_dataclass(kind) or any(map(_holds_records, typing.get_args(kind)))
+
+
+def _with_records(kind: Any, value: Any, where: str) -> Any:
+    """Return a plain value with records in place of the mappings that its type has them for."""
+    parts = typing.get_args(kind)
+    if value is None and type(None) in parts:
+        return None
+    if typing.get_origin(kind) is tuple:
+        return [_with_records(parts[0], each, where) for each in value] if isinstance(value, list) else value
+    return record_from_mapping(_likeliest(parts or (kind,), value), value, where)
 
 
 def _likeliest(kinds: tuple[Any, ...], value: Any) -> Any:
-    """Return which of several types a value is of: of records, the one whose keys are most like its own."""
-    possible = [kind for kind in kinds if kind is not type(None)]
-    records: list[Any] = [kind for kind in possible if dataclasses.is_dataclass(kind)]
-    if len(possible) == 1 or not records or not isinstance(value, Mapping):
-        return type(value) if type(value) in possible else possible[0]
+    """Return which of several records a value is: the one whose keys are most like its own."""
+    records: list[Any] = [kind for kind in kinds if dataclasses.is_dataclass(kind)]
+    if len(records) == 1 or not isinstance(value, Mapping):
+        return records[0]
     known = {kind: keys_of(kind)[0].keys() for kind in records}
     return max(records, key=lambda kind: len(known[kind] & value.keys()) / len(known[kind] | value.keys()))
-
-
-def _float(value: int, where: str) -> float:
-    """Return a whole number as a floating-point one, if it has one."""
-    try:
-        return float(value)
-    except OverflowError:
-        raise InputError(f"{where}: expected a number below 1.8e308, got a whole number beyond it") from None
-
-
-def _choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
-    """Return a member of an enumeration by its value."""
-    try:
-        return kind(value)
-    except ValueError:
-        known = ", ".join(repr(m.value) for m in kind)
-        raise InputError(f"{where}: expected one of {known}, got {shown(value)}") from None

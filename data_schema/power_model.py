@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import MOMENT, check_limits, described, quantity
+from evenlight.data_schema.quantities import MOMENT, described, quantity, record
 
 LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a typing error, and products of them overflow
 LEAST_LIGHT = (
@@ -21,7 +20,7 @@ class PanelKind(enum.Enum):
     OLED = "oled"  # each pixel makes its own: power depends on content and factor
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PowerModel:
     """Power of a display panel, linear in the luminance that it makes.
 
@@ -73,7 +72,6 @@ class PowerModel:
     provenance: Provenance | None = described("how the file was made", default=None)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.kind is PanelKind.LCD and not self.power_per_luminance * self.peak_luminance > 0:
             raise ValueError(
                 "an lcd power model needs power_per_luminance_w_m2_cd and peak_luminance_cd_m2 above 0"

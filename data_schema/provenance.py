@@ -3,44 +3,31 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, record
 from evenlight.data_schema.storage.input_files import open_input
 
 SCHEMA_VERSION = 2
 _PACKAGES = ("numpy", "scipy", "numba", "av")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Provenance:
     """Where a file comes from."""
 
-    schema_version: int = quantity(
-        "1",
-        "version of the record formats; a file with a newer one is refused",
-        minimum=1,
-        default=SCHEMA_VERSION,
+    schema_version: int = count(
+        "version of the record formats; a file with a newer one is refused", minimum=1, default=SCHEMA_VERSION
     )
     software_version: str = described("Evenlight's version", default="unknown")
     software_revision: str = described(
         "revision of Evenlight's source, where it runs from a checkout", default="unknown"
     )
-    seed: int | None = quantity(
-        "1", "seed of the random numbers; null where none were drawn", minimum=0, default=None
-    )
-    inputs: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "SHA-256 of each input, by its name"}
-    )
-    versions: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "versions of the packages that the numbers depend on"}
-    )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
+    seed: int | None = count("seed of the random numbers; null where none were drawn", default=None)
+    inputs: dict[str, str] = described("SHA-256 of each input, by its name", factory=dict)
+    versions: dict[str, str] = described("versions of the packages that the numbers depend on", factory=dict)
 
 
 def provenance_now(seed: int | None = None, inputs: dict[str, str] | None = None) -> Provenance:
@@ -90,7 +77,6 @@ def sha256_of_file(path: Path) -> str:
 
 
 def _digest(path: Path) -> str:
-    """Return the SHA-256 of a file or folder."""
     digest = hashlib.sha256()
     if path.is_dir():
         for part in sorted(p for p in path.rglob("*") if p.is_file()):
@@ -127,7 +113,6 @@ def _source_revision() -> str:
 
 
 def _git(*arguments: str, folder: Path) -> str | None:
-    """Return what git answers in a folder; None if it cannot."""
     import subprocess
 
     try:

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import functools
 import math
 import operator
 import re
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+import sys
+import types
+import typing
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
+
+from evenlight.data_schema.errors import InputError, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -29,7 +35,10 @@ UNIT_SUFFIX = {
     "Hz": "_hz",
     "pixels": "_px",
 }
+Class = TypeVar("Class")
 LARGEST_WHOLE = 2**63  # what arrays and other programs hold
+_LARGEST = sys.float_info.max
+_EXPECTED = {int: "a whole number", float: "a number", str: "text", bool: "true or false"}
 # A date, with or without a time of day and its zone (ISO 8601); or nothing.
 MOMENT = (
     "^([0-9]{4}-[0-9]{2}-[0-9]{2}"
@@ -82,21 +91,36 @@ def quantity(
     return dataclasses.field(default=default, metadata=metadata)
 
 
+def share(doc: str, *, above: float | None = None, **declared: Any) -> Any:
+    """Return a field for a pure number in [0, 1], or `above` a limit; others are as of `quantity`."""
+    return quantity("1", doc, above=above, minimum=0.0 if above is None else None, maximum=1.0, **declared)
+
+
+def count(doc: str, *, minimum: int = 0, **declared: Any) -> Any:
+    """Return a field for a whole number of at least `minimum`; others are as of `quantity`."""
+    return quantity("1", doc, minimum=minimum, **declared)
+
+
 def described(
     doc: str,
     *,
     default: Any = dataclasses.MISSING,
     pattern: str | None = None,
+    form: str = "",
     later: bool = False,
     unhashed: bool = False,
+    factory: Callable[[], Any] | None = None,
 ) -> Any:
     """Return a dataclass field without a unit: a name, a choice, a flag.
 
-    A `pattern` is a regular expression that the whole text, or each text of a list, must match. A field that
-    a record got `later` leaves its hash as it was while it has its default, so that older files stay usable;
-    one that is `unhashed` always does: another field tells its content.
+    A `pattern` is a regular expression that the whole text, or each text of a list, must match; `form` says
+    so in words, as "be one of ...". A field that a record got `later` leaves its hash as it was while it has
+    its default, so that older files stay usable; one that is `unhashed` always does: another field tells its
+    content. A `factory` makes the default that is not given.
     """
-    metadata = {"doc": doc, "pattern": pattern, "later": later, "unhashed": unhashed}
+    metadata = {"doc": doc, "pattern": pattern, "form": form, "later": later, "unhashed": unhashed}
+    if factory is not None:
+        return dataclasses.field(default_factory=factory, metadata=metadata)
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -134,53 +158,170 @@ def one_line(
 
 
 def _range(values: Array | Sequence[float]) -> str:
-    """Return the extremes of some numbers, in words."""
     extremes = _extremes(values)
     return f"{min(extremes):.4g} to {max(extremes):.4g}" if len(extremes) else "none"
 
 
-def check_limits(record: Any) -> None:
-    """Raise `ValueError` naming the quantity, the limit, the unit and the value got, if a field breaks one.
+@dataclass_transform(frozen_default=True)
+def record(cls: type[Class]) -> type[Class]:
+    """Make a class a record: a frozen dataclass whose constructor takes only what its fields declare.
 
-    Arrays and tuples are checked element by element; None stands for "not measured" and passes.
+    A choice may be given by its value, a tuple as a list or an array; arrays are copied, and cannot be
+    written to. What is of another type or beyond a limit is refused with an `InputError`, and so is what the
+    class's own `__post_init__`, which holds the rules between fields, raises `ValueError` about.
     """
-    for field in _limited(record.__class__):
+    own: Callable[[Any], None] = cls.__dict__.get("__post_init__", lambda _: None)
+
+    def __post_init__(self: Any) -> None:  # noqa: N807 - it becomes the class's own
+        check_limits(self)
+        try:
+            own(self)
+        except InputError:
+            raise
+        except ValueError as error:
+            raise InputError(str(error)) from None
+
+    cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
+    return dataclasses.dataclass(frozen=True, slots=True)(cls)
+
+
+def check_limits(record: Any) -> None:
+    """Raise `InputError` naming the quantity, what would be right and the value got, if a field is wrong.
+
+    Values are made those of their type. Arrays and tuples are checked element by element; None stands for
+    "not measured" and has no limits.
+    """
+    typed_fields, limited_fields = _checked(record.__class__)
+    for field, kind, types_taken in typed_fields:
         value = getattr(record, field.name)
+        if type(value) not in types_taken:
+            object.__setattr__(record, field.name, _field_value(field, kind, value))
+    for field, low, high in limited_fields:
+        value = getattr(record, field.name)
+        if type(value) in (int, float) and low <= value <= high:
+            continue  # as nearly all are, and a data set has tens of thousands of records
         if value is not None:
             check_value(field, value)
 
 
-def check_value(field: dataclasses.Field[Any], value: Any) -> None:
-    """Raise `ValueError` as `check_limits` does, for the value of one field."""
-    if "unit" in field.metadata and not isinstance(value, str):
-        _check_quantity(field, value)
-        return
-    pattern = field.metadata.get("pattern")
-    for text in value if isinstance(value, tuple) else (value,):
-        if pattern and not re.fullmatch(pattern, text):
-            raise ValueError(f"{file_key(field)} must match {pattern}, got {text!r}")
-
-
 @functools.cache
-def _limited(cls: type[Any]) -> tuple[dataclasses.Field[Any], ...]:
-    """Return the fields of a class whose values are checked; a data set has tens of thousands of records."""
-    return tuple(
-        field
-        for field in dataclasses.fields(cls)
-        if "unit" in field.metadata or field.metadata.get("pattern")
-    )
+def _checked(cls: type[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return the fields of a class with their types and those that need no look, and the limited fields."""
+    kinds = typing.get_type_hints(cls)
+    typed_fields, limited_fields = [], []
+    for field in dataclasses.fields(cls):
+        kind, meta = kinds[field.name], field.metadata
+        parts = typing.get_args(kind) if _is_union(kind) else (kind,)
+        taken = {part for part in parts if isinstance(part, type)} if not meta.get("shape") else set()
+        typed_fields.append((field, kind, frozenset(taken)))
+        if "unit" in meta or meta.get("pattern"):
+            whole = int in parts
+            low, high = (-LARGEST_WHOLE + 1, LARGEST_WHOLE - 1) if whole else (-_LARGEST, _LARGEST)
+            low = math.nextafter(meta["above"], math.inf) if meta.get("above") is not None else low
+            low = meta["minimum"] if meta.get("minimum") is not None else low
+            high = meta["maximum"] if meta.get("maximum") is not None else high
+            limited_fields.append((field, low, high))
+    return tuple(typed_fields), tuple(limited_fields)
 
 
-def _check_quantity(field: dataclasses.Field[Any], value: Any) -> None:
-    """Check one quantity, scalar or array, against its limits."""
+def _field_value(field: dataclasses.Field[Any], kind: Any, value: Any) -> Any:
+    if not field.metadata.get("shape"):
+        return typed(kind, value, file_key(field))
+    try:
+        return None if value is None else read_only(value)  # what stands for None is the class's affair
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{file_key(field)}: {error}") from None
+
+
+def typed(kind: Any, value: Any, where: str, null: str = "") -> Any:
+    """Return a value as the type that a field declares; raise `InputError` if it is of another.
+
+    Which of several records it may be, its class's own rules say.
+    """
+    origin, parts = typing.get_origin(kind), typing.get_args(kind)
+    if isinstance(kind, type) and origin is None and isinstance(value, kind) and kind not in (int, float):
+        return value
+    if hasattr(value, "tolist"):  # numpy's: a number, or an array for a tuple
+        value = value.tolist()
+    if _is_union(kind):
+        possible = [part for part in parts if part is not type(None)]
+        if value is None and type(None) in parts:
+            return None
+        if len(possible) > 1 and dataclasses.is_dataclass(value):
+            return value
+        lists = [part for part in possible if typing.get_origin(part) is tuple]
+        likely = lists if isinstance(value, list | tuple) else []
+        likeliest = type(value) if type(value) in possible else (*likely, *possible)[0]
+        return typed(likeliest, value, where, " or null" if type(None) in parts else "")
+    if origin is tuple:
+        if not isinstance(value, list | tuple):
+            raise InputError(f"{where}: expected a list{null}, got {shown(value)}")
+        if parts[-1] is Ellipsis and set(map(type, value)) <= {parts[0]}:
+            return tuple(value)
+        of = [parts[0]] * len(value) if parts[-1] is Ellipsis else list(parts)
+        if len(of) != len(value):
+            raise InputError(f"{where}: expected {len(of)} values, got {len(value)}")
+        return tuple(typed(part, each, where) for part, each in zip(of, value, strict=True))
+    if origin is dict:
+        if not isinstance(value, Mapping):
+            raise InputError(f"{where}: expected a table of names and values{null}, got {shown(value)}")
+        return {str(key): typed(parts[1], each, where) for key, each in value.items()}
+    if dataclasses.is_dataclass(kind):
+        raise InputError(f"{where}: expected a {getattr(kind, '__name__', kind)}{null}, got {shown(value)}")
+    if isinstance(kind, type) and issubclass(kind, enum.Enum):
+        return choice(kind, value, where)
+    if kind is float and type(value) is int:
+        try:
+            return float(value)
+        except OverflowError:
+            problem = "expected a number below 1.8e308, got a whole number beyond it"
+            raise InputError(f"{where}: {problem}") from None
+    if kind in _EXPECTED and type(value) is not kind:
+        raise InputError(f"{where}: expected {_EXPECTED[kind]}{null}, got {shown(value)}")
+    return value
+
+
+def _is_union(kind: Any) -> bool:
+    return typing.get_origin(kind) in (types.UnionType, typing.Union)
+
+
+def choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
+    """Return a member of an enumeration by its value."""
+    try:
+        return kind(value)
+    except ValueError:
+        known = ", ".join(repr(member.value) for member in kind)
+        raise InputError(f"{where}: expected one of {known}, got {shown(value)}") from None
+
+
+def check_value(field: dataclasses.Field[Any], value: Any) -> None:
+    """Raise `InputError` if the value of a field, of the right type, is beyond its limits."""
+    if broken := _broken_limit(field, value):
+        raise InputError(f"{file_key(field)} must {broken[0]} {broken[1]}")
+
+
+def limit_expected(field: dataclasses.Field[Any], value: Any) -> str:
+    """Return what the limits of a field would have in place of a value; empty if it keeps them."""
+    verb, right = _broken_limit(field, value) or ("", "")
+    words = {"be": "expected ", "match": "expected text that matches ", "hold": "expected a list of "}
+    return words[verb] + right if verb else ""
+
+
+def _broken_limit(field: dataclasses.Field[Any], value: Any) -> tuple[str, str] | None:
+    """Return what a value "must be", "match" or "hold", and what it is; None if it keeps its limits."""
     meta = field.metadata
+    if "unit" not in meta or isinstance(value, str):
+        for text in value if isinstance(value, tuple) else (value,):
+            if meta.get("pattern") and not re.fullmatch(meta["pattern"], text):
+                verb, right = ("be", meta["form"]) if meta.get("form") else ("match", meta["pattern"])
+                return verb, f"{right}, got {text!r}"
+        return None
     unit = "" if meta["unit"] == "1" else f" {meta['unit']}"
     for number in _extremes(value):
         if isinstance(number, int) and abs(number) >= LARGEST_WHOLE:
-            digits = f"{math.log10(abs(number)):.0f}"
-            raise ValueError(f"{file_key(field)} must be a whole number below 2^63, got one near 10^{digits}")
+            return "be", f"a whole number below 2^63, got one near 10^{math.log10(abs(number)):.0f}"
         if not -math.inf < number < math.inf:
-            raise ValueError(f"{file_key(field)} must be finite, got {number:g}")
+            return "be", f"finite, got {number:g}"
         for limit, breaks, words in (
             (meta["above"], operator.le, "above"),
             (meta["minimum"], operator.lt, "at least"),
@@ -188,29 +329,27 @@ def _check_quantity(field: dataclasses.Field[Any], value: Any) -> None:
         ):
             if limit is not None and breaks(number, limit):
                 got = number if isinstance(number, int) else f"{number:.10g}"
-                raise ValueError(f"{file_key(field)} must be {words} {limit:g}{unit}, got {got}")
-    if meta["min_items"] and len(value) < meta["min_items"]:
-        raise ValueError(
-            f"{file_key(field)} must hold at least {meta['min_items']} number(s), got {len(value)}"
-        )
+                return "be", f"{words} {limit:g}{unit}, got {got}"
+    if meta["min_items"] and not isinstance(value, int | float) and len(value) < meta["min_items"]:
+        return "hold", f"at least {meta['min_items']} number(s), got {len(value)}"
+    return None
 
 
 def _extremes(value: Any) -> Sequence[float]:
-    """Return the numbers of a value that decide about its limits: its own, or the extremes of an array.
+    """Return the numbers of a value that decide about its limits; the first that is not finite alone does.
 
-    Scalars and tuples go without numpy: a data set has tens of thousands of records, and an array for each
-    of their numbers would cost ten times as much.
+    Tuples go without numpy: an array for each of a data set's would cost ten times as much.
     """
     if isinstance(value, int | float):
         return (value,)
-    if isinstance(value, tuple) and all(isinstance(number, int | float) for number in value):
-        return value
+    if isinstance(value, tuple) and value:
+        if isinstance(value[0], float) and not all(map(math.isfinite, value)):
+            return (next(number for number in value if not math.isfinite(number)),)
+        return (min(value), max(value))
     import numpy as np
 
     numbers = np.asarray(value, dtype=np.float64)
-    if numbers.size == 0:
-        return ()
-    return (float(numbers.min()), float(numbers.max()))  # a NaN makes both NaN
+    return (float(numbers.min()), float(numbers.max())) if numbers.size else ()  # a NaN makes both NaN
 
 
 def read_only(values: ArrayLike, dtype: type[Any] = float) -> NDArray[Any]:

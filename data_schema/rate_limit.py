@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-import bisect
 import enum
 import itertools
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from statistics import fmean
+from typing import TYPE_CHECKING
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import Array, described, quantity, record, share
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from evenlight.data_schema.arrays import Array
 
 LOWEST_LUMINANCE = 1e-6  # [cd/m^2] the dark-adapted eye sees nothing below
 LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from overflow
@@ -55,7 +59,7 @@ class RateLimitForm(enum.Enum):
     LOG_LOG = "log_log"  # ln(rate) over ln(luminance): degree 1 is a power law
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RateLimit:
     """The rate of luminance change ΔL that is detected in 75 % of the trials, as a function of luminance L.
 
@@ -66,7 +70,8 @@ class RateLimit:
 
     With z = L (or ln L for `LOG_LOG`) mapped linearly from `luminance_range` to [-1, 1], the polynomial is
     Σ_k coefficients[k] · P_k(z), P_k the Legendre polynomials. Outside the measured range it is not used:
-    below, the relative rate is held constant; above, the rate is (see `method.rate_limit`).
+    below, the relative rate is held constant; above, the rate is (see `method.rate_limit`). A rate limit
+    can be called: `limit(luminance)` is ΔL there.
     """
 
     name: str = described("name of the rate limit")
@@ -82,10 +87,7 @@ class RateLimit:
         "cd/m^2", "lowest and highest luminance measured; the same for a constant", minimum=LOWEST_LUMINANCE
     )
     band_luminance: tuple[float, ...] = quantity(
-        "cd/m^2",
-        "luminances at which the band is sampled; empty without a band",
-        above=0.0,
-        default=(),
+        "cd/m^2", "luminances at which the band is sampled; empty without a band", above=0.0, default=()
     )
     band_lower: tuple[float, ...] = quantity(
         "cd/m^2/s", "lower edge of the confidence band", minimum=0.0, default=()
@@ -93,9 +95,7 @@ class RateLimit:
     band_upper: tuple[float, ...] = quantity(
         "cd/m^2/s", "upper edge of the confidence band", minimum=0.0, default=()
     )
-    band_level: float = quantity(
-        "1", "confidence level of the band, by its kind", above=0.0, maximum=1.0, default=0.95
-    )
+    band_level: float = share("confidence level of the band, by its kind", above=0.0, default=0.95)
     point_luminance: tuple[float, ...] = quantity(
         "cd/m^2", "luminances of the thresholds that it was fitted to", above=0.0, default=()
     )
@@ -160,7 +160,6 @@ class RateLimit:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         low, high = self.luminance_range
         if not (low < high or (low == high and len(self.coefficients) == 1)):
             raise ValueError(
@@ -185,6 +184,41 @@ class RateLimit:
         low, high = self.luminance_range
         form = f"{self.form.value} of degree {len(self.coefficients) - 1}"
         return f"<RateLimit {self.name!r}: {form}, {low:g} to {high:g} cd/m^2, display {self.display_name!r}>"
+
+    def __call__(self, luminance: ArrayLike) -> Array:
+        """Return ΔL [cd/m^2/s] at luminances L.
+
+        Outside the measured luminances the polynomial means nothing. Below them the relative rate ΔL/L is
+        held (thresholds are near-Weber), above them the rate is (see
+        docs/decisions/rate-limit-outside-its-range.md).
+
+        Parameters
+        ----------
+        luminance : array_like, any shape
+            L [cd/m^2], at least 0.
+
+        Returns
+        -------
+        array, shape of luminance
+            ΔL [cd/m^2/s]; 0 at L = 0, and where a polynomial of the rate itself falls below 0.
+
+        >>> flat = RateLimit("r", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0))
+        >>> flat([5.0, 10.0, 50.0, 200.0]).tolist()
+        [1.0, 2.0, 2.0, 2.0]
+        """
+        import numpy as np  # records are light to import: commands know them all before they do anything
+        from numpy.polynomial import legendre
+
+        values = np.asarray(luminance, dtype=np.float64)
+        low, high = self.luminance_range
+        held = np.minimum(values, low) / low
+        inside = np.clip(values, low, high)
+        if self.form is RateLimitForm.LOG_LOG:
+            inside, low, high = np.log(inside), math.log(low), math.log(high)
+        position = (2 * inside - low - high) / ((high - low) or 1.0)  # of one luminance: 0
+        value = legendre.legval(position, np.asarray(self.coefficients))
+        rate = np.maximum(value, 0.0) if self.form is RateLimitForm.RATE else np.exp(value)
+        return np.asarray(rate * held)
 
     def holds_for(self, display: Display) -> bool:
         """Return whether it was fitted on a display, by any of the calibrations that its ramps ran on."""
@@ -247,7 +281,6 @@ class RateLimit:
         )
 
     def _check_band(self) -> None:
-        """Refuse a band that cannot be looked up: unordered, upside down, or not as wide as the range."""
         luminance, (low, high) = self.band_luminance, self.luminance_range
         if not luminance:
             return
@@ -267,10 +300,14 @@ class RateLimit:
 
     def _check_size(self) -> None:
         """Refuse coefficients whose rate no eye could have, and no computer could write down."""
-        values = [_legendre_sum(self.coefficients, 2 * k / (SAMPLES - 1) - 1) for k in range(SAMPLES)]
-        worst = max(values, key=lambda value: abs(value) if math.isfinite(value) else math.inf)
+        import numpy as np
+        from numpy.polynomial import legendre
+
+        with np.errstate(all="ignore"):  # of what is too large by far
+            values = legendre.legval(np.linspace(-1, 1, SAMPLES), np.asarray(self.coefficients))
+        worst = float(values[np.argmax(np.where(np.isfinite(values), np.abs(values), math.inf))])
         if self.form is RateLimitForm.RATE:  # below 0 it counts as 0, so only its height matters
-            worst = max(values) if math.isfinite(worst) else worst
+            worst = float(values.max()) if math.isfinite(worst) else worst
             if not -math.inf < worst <= LARGEST_RATE:
                 raise ValueError(
                     f"coefficients give a rate of {worst:.4g} cd/m^2/s within luminance_range_cd_m2; "
@@ -290,13 +327,13 @@ class RateLimit:
     def _check_curve_in_band(self) -> None:
         """Refuse a curve that leaves its own band: one of the two was changed."""
         low, high = self.luminance_range
-        for at, lower, upper in zip(self.band_luminance, self.band_lower, self.band_upper, strict=True):
+        band = zip(self.band_luminance, self.band_lower, self.band_upper, strict=True)
+        for (at, lower, upper), rate in zip(band, self._curve(self.band_luminance), strict=True):
             measured = low * (1 - ROUNDING) <= at <= high * (1 + ROUNDING)
-            if measured and not lower * (1 - BAND_SLACK) <= self._curve(at) <= upper * (1 + BAND_SLACK):
+            if measured and not lower * (1 - BAND_SLACK) <= rate <= upper * (1 + BAND_SLACK):
                 raise ValueError(
                     f"the curve contradicts its own band: at {at:.4g} cd/m^2 the coefficients give "
-                    f"{self._curve(at):.3g} cd/m^2/s, and the band reaches from {lower:.3g} to {upper:.3g}; "
-                    f"{MEND}"
+                    f"{rate:.3g} cd/m^2/s, and the band reaches from {lower:.3g} to {upper:.3g}; {MEND}"
                 )
 
     def _check_points(self) -> None:
@@ -310,24 +347,28 @@ class RateLimit:
                     f"got {at:g}; {MEND}"
                 )
             levels.setdefault(at, []).append(rate)
-        distances = {at: self._distance(at, rates) for at, rates in levels.items()}
+        curve = dict(zip(levels, self._curve(tuple(levels)), strict=True))
+        distances = {at: self._distance(at, rates, curve[at]) for at, rates in levels.items()}
         if levels and fmean(distances.values()) > FARTHEST_POINTS:
             worst = max(distances, key=lambda at: distances[at])
             rates = levels[worst]
             raise ValueError(
                 f"the {'band' if self.band_luminance else 'curve'} contradicts the points that it was fitted "
-                f"to: at {worst:.4g} cd/m^2 the curve is {self._curve(worst):.3g} cd/m^2/s, and the "
+                f"to: at {worst:.4g} cd/m^2 the curve is {curve[worst]:.3g} cd/m^2/s, and the "
                 f"thresholds there are {min(rates):.3g} to {max(rates):.3g}; {MEND}"
             )
 
-    def _distance(self, at: float, rates: Sequence[float]) -> float:
+    def _distance(self, at: float, rates: Sequence[float], curve: float) -> float:
         """Return how far the thresholds at a luminance lie from what is known there, as a logarithm.
 
         Of a polynomial of the rate itself, whose errors are not relative, as a share of the mean threshold.
         """
-        known = [self._curve(at)]
+        import numpy as np
+
+        known = [curve]
         if self.band_luminance:
-            known = [_between(at, self.band_luminance, edge) for edge in (self.band_lower, self.band_upper)]
+            edges = (self.band_lower, self.band_upper)
+            known = [float(np.interp(at, self.band_luminance, edge)) for edge in edges]
         above, below = min(rates) - max(known), min(known) - max(rates)
         if above <= 0 and below <= 0:
             return 0.0
@@ -335,43 +376,17 @@ class RateLimit:
             return max(above, below) / fmean(self.point_rate)
         return math.log(min(rates) / max(known) if above > 0 else min(known) / max(rates))
 
-    def _curve(self, at: float) -> float:
-        """Return the polynomial's rate at a luminance, which is moved into those measured [cd/m^2/s]."""
-        low, high = self.luminance_range
-        at = min(max(at, low), high)
-        if self.form is RateLimitForm.LOG_LOG:
-            low, high, at = math.log(low), math.log(high), math.log(at)
-        value = _legendre_sum(self.coefficients, (2 * at - low - high) / ((high - low) or 1.0))
-        return max(value, 0.0) if self.form is RateLimitForm.RATE else math.exp(value)
+    def _curve(self, luminances: tuple[float, ...]) -> list[float]:
+        """Return the polynomial's rates at luminances, which are moved into those measured [cd/m^2/s]."""
+        if not luminances:
+            return []
+        import numpy as np
 
-
-def _between(at: float, places: Sequence[float], values: Sequence[float]) -> float:
-    """Return the value at a place between others, linear in between; beyond them, the last one.
-
-    >>> _between(2.0, (1.0, 3.0), (0.0, 10.0))
-    5.0
-    """
-    k = bisect.bisect_left(places, at)
-    if k in (0, len(places)):
-        return values[min(k, len(places) - 1)]
-    share = (at - places[k - 1]) / (places[k] - places[k - 1])
-    return (1 - share) * values[k - 1] + share * values[k]  # exact at both ends, however far apart
+        rates: list[float] = self(np.clip(luminances, *self.luminance_range)).tolist()
+        return rates
 
 
 def _width(edges: tuple[float, float, float]) -> float:
     """Return the ratio of upper to lower edge of (luminance, lower, upper)."""
     _, lower, upper = edges
     return upper / lower if lower > 0 else math.inf
-
-
-def _legendre_sum(coefficients: Sequence[float], z: float) -> float:
-    """Return Σ_k coefficients[k] · P_k(z), by (k + 1) P_k+1 = (2k + 1) z P_k - k P_k-1.
-
-    >>> _legendre_sum((1.0, 2.0, 4.0), 0.5)  # 1 + 2 · 0.5 + 4 · (3 · 0.25 - 1) / 2
-    1.5
-    """
-    total, before, now = 0.0, 0.0, 1.0
-    for k, coefficient in enumerate(coefficients):
-        total += coefficient * now
-        before, now = now, ((2 * k + 1) * z * now - k * before) / (k + 1)
-    return total

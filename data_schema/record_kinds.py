@@ -16,12 +16,10 @@ from evenlight.data_schema.analysis_results import (
     Statistic,
     ViewingPlanRow,
 )
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, BenchmarkSummary
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.recordings.device_saving import DevicePass, DeviceSaving
 from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.instrument_logs import (
     BacklightSetting,
@@ -32,14 +30,13 @@ from evenlight.data_schema.recordings.instrument_logs import (
     PowerLog,
     PowerSample,
 )
-from evenlight.data_schema.recordings.light import (
-    LightArrival,
-    LightLog,
-    LightResults,
-    LightSample,
-    PatchFlip,
+from evenlight.data_schema.recordings.played_power import (
+    DevicePass,
+    DeviceSaving,
+    FrameEnergy,
+    PlayedPower,
+    VersionPower,
 )
-from evenlight.data_schema.recordings.played_power import FrameEnergy, PlayedPower, VersionPower
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS, SessionEvent, SessionManifest
 from evenlight.data_schema.recordings.sweep import (
@@ -50,8 +47,15 @@ from evenlight.data_schema.recordings.sweep import (
     SweepManifest,
 )
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
+from evenlight.data_schema.result_request import ResultRequest
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import (
+    AllowanceSection,
+    BrightnessTrack,
+    ExportedTrack,
+    TrackHeader,
+    WeightSection,
+)
 from evenlight.data_schema.tracks.catalogue import (
     CatalogueEntry,
     CatalogueError,
@@ -62,14 +66,11 @@ from evenlight.data_schema.tracks.control import (
     ControlSummary,
     LiveControl,
     LiveRefresh,
-    TargetRow,
     TuningReport,
 )
-from evenlight.data_schema.tracks.exported_track import ExportedTrack
 from evenlight.data_schema.tracks.judgement import Judgement, MeasureAgreement, MeasuredTrack
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 
 
 class FileFormat(enum.Enum):
@@ -154,6 +155,12 @@ KINDS = (
     RecordKind(PowerModel, _TOML, "power.toml power_model.toml *.power.toml", "a power sweep, or by hand"),
     RecordKind(ContrastModel, _TOML, "contrast_model.toml *.contrast_model.toml", "a researcher"),
     RecordKind(Rig, _TOML, "rig.toml *.rig.toml", "an experimenter"),
+    RecordKind(
+        ResultRequest,
+        _TOML,
+        "request.toml *.request.toml",
+        "`evenlight optimize`, `control`, `catalogue`, `judge`, `fit`, `analyze`",
+    ),
     RecordKind(SessionManifest, _JSON, "manifest.json", "an experiment, or `evenlight import`"),
     *_designs(BUILT_IN_TASKS),
     *_trials(BUILT_IN_TASKS),
@@ -197,30 +204,17 @@ KINDS = (
     RecordKind(PlayedPower, _JSON, "played_power.json", "`evenlight play --measure-power`"),
     RecordKind(DevicePass, _CSV, "passes.csv", "`evenlight measure saving`"),
     RecordKind(DeviceSaving, _JSON, "saving.json", "`evenlight measure saving`"),
-    RecordKind(LightLog, _JSON, "light_log.json", "`evenlight measure light`"),
-    RecordKind(LightSample, _CSV, "light.csv", "`evenlight measure light`, or another program"),
-    RecordKind(LightArrival, _CSV, "light_arrivals.csv", "`evenlight measure light`"),
-    RecordKind(PatchFlip, _CSV, "light_flips.csv", "`evenlight measure light --rig`"),
-    RecordKind(LightResults, _JSON, "light_results.json", "`evenlight measure light`, `evenlight fit`"),
-    RecordKind(
-        Statistic, _CSV, "*_statistics.csv", "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`"
-    ),
-    RecordKind(
-        PlottedPoint, _CSV, "*_points.csv", "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`"
-    ),
+    RecordKind(Statistic, _CSV, "*_statistics.csv", "`evenlight analyze`, `evenlight reproduce`"),
+    RecordKind(PlottedPoint, _CSV, "*_points.csv", "`evenlight analyze`, `evenlight reproduce`"),
     RecordKind(
         AnalysisSummary,
         _JSON,
-        "analysis.json audit.json reproduction.json",
-        "`evenlight analyze`, `evenlight audit`, `evenlight reproduce`",
+        "analysis.json reproduction.json",
+        "`evenlight analyze`, `evenlight reproduce`",
     ),
     RecordKind(PublishedValue, _CSV, "*.published.csv", "a reader of the paper"),
     RecordKind(RampPlanRow, _CSV, "plan.csv", "`evenlight plan ramp`"),
     RecordKind(ViewingPlanRow, _CSV, "plan.csv", "`evenlight plan rating`, `comparison` and `search`"),
-    RecordKind(BenchmarkPoint, _CSV, "*_benchmark.csv", "`evenlight bench`"),
-    RecordKind(BenchmarkGrowth, _CSV, "*_growth.csv", "`evenlight bench`"),
-    RecordKind(BenchmarkClaim, _CSV, "*_claims.csv", "`evenlight bench`"),
-    RecordKind(BenchmarkSummary, _JSON, "benchmark.json", "`evenlight bench`"),
     RecordKind(CatalogueEntry, _CSV, "*.catalogue.csv", "someone who has many videos"),
     RecordKind(CatalogueRow, _CSV, "catalogue.csv", "`evenlight catalogue`"),
     RecordKind(CatalogueError, _CSV, "errors.csv", "`evenlight catalogue`"),
@@ -231,8 +225,7 @@ KINDS = (
     RecordKind(MeasuredTrack, _CSV, "judgement.csv", "`evenlight judge`"),
     RecordKind(MeasureAgreement, _CSV, "agreement.csv", "`evenlight judge`"),
     RecordKind(ControlSummary, _JSON, "control.json", "`evenlight control`"),
-    RecordKind(TargetRow, _CSV, "target_sweep.csv", "`evenlight control --sweep`"),
-    RecordKind(TuningReport, _JSON, "tuning.json", "`evenlight control --tune`"),
+    RecordKind(TuningReport, _JSON, "tuning.json", "`python -m benchmarks.tune_gains`"),
     RecordKind(
         LiveRefresh, _CSV, "live_control.csv", "`evenlight play --walk` with `--target-loss` or `--budget`"
     ),

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, quantity, record, share
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 
@@ -22,7 +21,7 @@ class ThresholdFlag(enum.Enum):
     POOR_FIT = "poor_fit"  # answers this far from the function come by chance once in a hundred times
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Threshold:
     """The rate of luminance change that one participant detects in 75 % of the trials at one level.
 
@@ -31,7 +30,7 @@ class Threshold:
 
     participant_id: str = described("participant, e.g. 01", pattern="^[0-9A-Za-z]+$")
     screen: str = described("uniform screen: white or gray", pattern="^(white|gray)$")
-    factor: float = quantity("1", "initial brightness factor b of the ramps", above=0.0, maximum=1.0)
+    factor: float = share("initial brightness factor b of the ramps", above=0.0)
     luminance: float = quantity("cd/m^2", "initial luminance L of the ramps", above=0.0)
     threshold: float = quantity("cd/m^2/s", "rate detected in 75 % of the trials", above=0.0)
     ci_low: float = quantity(
@@ -44,20 +43,13 @@ class Threshold:
     width: float = quantity(
         "1", "width of the psychometric function: ln(rate) from 5 % to 95 % of its rise", above=0.0
     )
-    guess_rate: float = quantity(
-        "1", "fitted guess rate: P(yes) with nothing to see", minimum=0.0, maximum=1.0
+    guess_rate: float = share("fitted guess rate: P(yes) with nothing to see")
+    lapse_rate: float = share("fitted lapse rate: P(no) with everything to see")
+    false_alarm_rate: float | None = share(
+        "share of yes in the participant's catch trials; empty if there were none"
     )
-    lapse_rate: float = quantity(
-        "1", "fitted lapse rate: P(no) with everything to see", minimum=0.0, maximum=1.0
-    )
-    false_alarm_rate: float | None = quantity(
-        "1",
-        "share of yes in the participant's catch trials; empty if there were none",
-        minimum=0.0,
-        maximum=1.0,
-    )
-    n_trials: int = quantity("1", "trials with a ramp", minimum=1)
-    n_catch: int = quantity("1", "catch trials of the participant", minimum=0)
+    n_trials: int = count("trials with a ramp", minimum=1)
+    n_catch: int = count("catch trials of the participant")
     flag: ThresholdFlag = described("why to look at it before use; empty for none")
     direction: Direction = described("which way the luminance went", default=Direction.DOWN)
     ramp_duration: float = quantity("s", "duration of the ramps", above=0.0, default=5.0)
@@ -84,12 +76,8 @@ class Threshold:
         minimum=0.0,
         default=None,
     )
-    deviance_p: float | None = quantity(
-        "1",
-        "share of data sets simulated from that function with at least this deviance",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    deviance_p: float | None = share(
+        "share of data sets simulated from that function with at least this deviance", default=None
     )
     drift_ratio: float | None = quantity(
         "1",
@@ -97,20 +85,13 @@ class Threshold:
         above=0.0,
         default=None,
     )
-    drift_p: float | None = quantity(
-        "1", "probability of so clear a drift by chance", minimum=0.0, maximum=1.0, default=None
-    )
-    level_n_catch: int = quantity("1", "catch trials at this level", minimum=0, default=0)
-    level_false_alarm_rate: float | None = quantity(
-        "1",
-        "share of yes in the catch trials at this level; empty if there were none",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    drift_p: float | None = share("probability of so clear a drift by chance", default=None)
+    level_n_catch: int = count("catch trials at this level", default=0)
+    level_false_alarm_rate: float | None = share(
+        "share of yes in the catch trials at this level; empty if there were none", default=None
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if not self.ci_low <= self.threshold <= self.ci_high:
             raise ValueError(
                 f"need ci_low <= threshold <= ci_high, "

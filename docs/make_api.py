@@ -1,4 +1,4 @@
-"""Writes docs/api.md from the docstrings of the public names: `python docs/make_api.py`."""
+"""Writes docs/api.md from the docstrings, and what `--help` does not show into docs/requests.md."""
 
 from __future__ import annotations
 
@@ -9,13 +9,19 @@ import re
 from pathlib import Path
 from typing import Any
 
+import typer
+from typer.core import TyperGroup
+
 import evenlight
+from evenlight.analysis.results import Result
+from evenlight.command import app
 
 PAGE = Path(__file__).with_name("api.md")
+REQUESTS = Path(__file__).with_name("requests.md")
 GROUPS = {
     "What goes in": (
         "open_video", "Frame", "load_display", "load_power_model", "load_rate_limit", "Display", "PowerModel",
-        "RateLimit",
+        "PanelKind", "RateLimit", "RateLimitForm", "BudgetUnit", "Actuator",
     ),
     "A brightness track": ("optimize", "Track", "load", "loss_curves", "LossCurves", "frame_loss"),
     "Online": ("OnlineController",),
@@ -28,6 +34,8 @@ GROUPS = {
     ),
     "Errors": ("InputError",),
 }  # fmt: skip
+# What a kind of result says for `plot`, `summary` and `save`, which people call.
+SUPPLIED = ("heading", "first_lines", "figures", "write", "write_numbers")
 HEAD = """# The Python interface
 
 `import evenlight` gives these names; each is loaded when it is first used. Quantities are in cd/m², s, Hz, W,
@@ -62,7 +70,13 @@ def _entry(name: str, thing: Any) -> str:
     if is_record:
         parts.append(_fields(thing))
     if inspect.isclass(thing) and not issubclass(thing, Exception):
-        own = [(n, m) for n, m in vars(thing).items() if not n.startswith("_") and _documented(m)]
+        ours = [c for c in inspect.getmro(thing) if c.__module__.startswith("evenlight.")]
+        members = {name: member for c in reversed(ours) for name, member in vars(c).items()}
+        own = [
+            (n, m)
+            for n, m in members.items()
+            if not n.startswith("_") and _documented(m) and not (issubclass(thing, Result) and n in SUPPLIED)
+        ]
         for method, member in own:
             if isinstance(member, property):
                 parts.append(f"**`.{method}`**: {_text(member.fget)}")
@@ -119,5 +133,26 @@ def _text(thing: Any) -> str:
     return re.sub(r"\n{3,}", "\n\n", "\n".join(out)).strip() + "\n"
 
 
+def requests_page() -> str:
+    """Return the page on requests; what stands before its first table is written by hand."""
+    written = REQUESTS.read_text().partition("\n### ")[0].rstrip()
+    return "\n\n".join([written, *_hidden(typer.main.get_command(app), ())]) + "\n"
+
+
+def _hidden(command: Any, words: tuple[str, ...]) -> list[str]:
+    """Return a table for each command that has options which its help does not show."""
+    if isinstance(command, TyperGroup):
+        return [part for name, one in command.commands.items() for part in _hidden(one, (*words, name))]
+    rows = ["| option | what it is | default |", "|---|---|---|"]
+    for one in command.params:
+        if getattr(one, "hidden", False):
+            told = one.show_default if isinstance(one.show_default, str) else one.default
+            default = getattr(told, "value", told)
+            shown = f"`{default}`" if default not in (None, False) else ""
+            rows.append(f"| `{one.opts[0]}` | {one.help} | {shown} |")
+    return [f"### `evenlight {' '.join(words)}`", "\n".join(rows)] if len(rows) > 2 else []
+
+
 if __name__ == "__main__":
     PAGE.write_text(page())
+    REQUESTS.write_text(requests_page())

@@ -13,12 +13,16 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from evenlight.analysis.calibration.ramp_fit import RampFit
+    from evenlight.analysis.results import Analysis
     from evenlight.data_schema.display import Display
     from evenlight.data_schema.errors import InputError
     from evenlight.data_schema.frame import Frame
-    from evenlight.data_schema.power_model import PowerModel
-    from evenlight.data_schema.rate_limit import RateLimit
+    from evenlight.data_schema.power_model import PanelKind, PowerModel
+    from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
     from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
+    from evenlight.data_schema.recordings.rig import Actuator
+    from evenlight.data_schema.tracks.brightness_track import BudgetUnit
     from evenlight.data_schema.tracks.loss_curves import LossCurves
     from evenlight.hardware.backlights import restore_and_release
     from evenlight.hardware.driver import Driver, LinkKind
@@ -37,7 +41,7 @@ if TYPE_CHECKING:
     from evenlight.online import OnlineController
     from evenlight.registered_tasks import TaskDeclaration, register_task
     from evenlight.stimuli.sequences import open_video
-    from evenlight.tables import Analysis, RampFit, analyze, fit_ramps
+    from evenlight.tables import analyze, fit_ramps
     from evenlight.track import Track, load, optimize
 
     __version__: str
@@ -48,7 +52,11 @@ _PLACES = {
     "Frame": "evenlight.data_schema.frame",
     "Display": "evenlight.data_schema.display",
     "PowerModel": "evenlight.data_schema.power_model",
+    "PanelKind": "evenlight.data_schema.power_model",
     "RateLimit": "evenlight.data_schema.rate_limit",
+    "RateLimitForm": "evenlight.data_schema.rate_limit",
+    "Actuator": "evenlight.data_schema.recordings.rig",
+    "BudgetUnit": "evenlight.data_schema.tracks.brightness_track",
     "load_display": "evenlight.method.preset_files",
     "load_power_model": "evenlight.method.preset_files",
     "load_rate_limit": "evenlight.method.preset_files",
@@ -60,9 +68,9 @@ _PLACES = {
     "load": "evenlight.track",
     "OnlineController": "evenlight.online",
     "fit_ramps": "evenlight.tables",
-    "RampFit": "evenlight.tables",
+    "RampFit": "evenlight.analysis.calibration.ramp_fit",
     "analyze": "evenlight.tables",
-    "Analysis": "evenlight.tables",
+    "Analysis": "evenlight.analysis.results",
     "register_task": "evenlight.registered_tasks",
     "TaskDeclaration": "evenlight.registered_tasks",
     "ViewingTaskDeclaration": "evenlight.registered_tasks",  # its earlier name
@@ -77,10 +85,10 @@ _PLACES = {
     **dict.fromkeys(("SerialLink", "LineSettings"), "evenlight.hardware.drivers.serial_link"),
 }
 __all__ = [
-    "Analysis", "Backlight", "ClockPing", "ContextDevice", "Display", "Driver", "Fault", "Frame",
-    "InputError", "InstrumentError", "LineSettings", "LinkKind", "LossCurves", "LuminanceMeter",
-    "OnlineController", "PowerMeter", "PowerModel", "PowerSample", "RampFit", "RateLimit", "Reading",
-    "SerialLink", "TaskDeclaration", "Track",
+    "Actuator", "Analysis", "Backlight", "BudgetUnit", "ClockPing", "ContextDevice", "Display", "Driver",
+    "Fault", "Frame", "InputError", "InstrumentError", "LineSettings", "LinkKind", "LossCurves",
+    "LuminanceMeter", "OnlineController", "PanelKind", "PowerMeter", "PowerModel", "PowerSample", "RampFit",
+    "RateLimit", "RateLimitForm", "Reading", "SerialLink", "TaskDeclaration", "Track",
     "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",
     "loss_curves", "open_video", "optimize", "register_task", "restore_and_release",
 ]  # fmt: skip

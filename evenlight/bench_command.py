@@ -13,6 +13,7 @@ import typer
 from evenlight.cluster import ClusterOption
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.option_panels import expert
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 
@@ -38,7 +39,7 @@ def bench(
     quick: Annotated[
         bool, typer.Option("--quick", help="Small sizes, each timed once: rough figures.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
     cluster: ClusterOption = None,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:

@@ -55,10 +55,6 @@ cluster_option = computation(
 ClusterOption = Annotated[str | None, cluster_option]
 
 
-class WorkerLostError(Exception):
-    """The workers that did a task died, each of them."""
-
-
 class SchedulerLostError(InputError):
     """The scheduler has gone, and with it all tasks."""
 
@@ -109,21 +105,11 @@ def _checked(expected: Mapping[str, str], function: Callable[..., Any], *given: 
 
 @dataclass(frozen=True, slots=True)
 class Workers:
-    """The workers of a cluster.
+    """The workers of a cluster."""
 
-    Attributes
-    ----------
-    client : distributed.Client
-        The connection to their scheduler.
-    expected : dict of str to str
-        The software that each must have.
-    wanted : int
-        How many processes of this computer there are to be; 0 of another cluster.
-    """
-
-    client: Client
-    expected: dict[str, str] = field(default_factory=software)
-    wanted: int = 0
+    client: Client  # the connection to their scheduler
+    expected: dict[str, str] = field(default_factory=software)  # what each must have
+    wanted: int = 0  # processes of this computer that there are to be; 0 of another cluster
 
     def places(self) -> int:
         """Return how many tasks run at the same time, at least 1."""
@@ -153,10 +139,10 @@ class Workers:
                 if number % ASK_EVERY == 0:
                     most = AHEAD * self.places()
                 if len(under_way) >= most:
-                    yield self.result_or_refusal(under_way.popleft())
+                    yield self.result(under_way.popleft())
                 under_way.append(self.submit(function, *row))
             while under_way:
-                yield self.result_or_refusal(under_way.popleft())
+                yield self.result(under_way.popleft())
         finally:
             self.client.cancel(list(under_way))
 
@@ -173,7 +159,9 @@ class Workers:
         from distributed import TimeoutError as NothingYet
         from distributed import wait
 
-        self._replace_lost()
+        cluster = self.client.cluster
+        if self.wanted and len(cluster.workers) < self.wanted:
+            cluster.scale(self.wanted)  # where even what starts processes again has given up
         try:
             done: Collection[Future] = wait(list(futures), seconds, "FIRST_COMPLETED").done
         except NothingYet:
@@ -182,28 +170,19 @@ class Workers:
             raise SchedulerLostError(GONE) from None
         return done
 
-    def _replace_lost(self) -> None:
-        """Have processes of this computer started again where even what starts them again has given up."""
-        cluster = self.client.cluster
-        if self.wanted and len(cluster.workers) < self.wanted:
-            cluster.scale(self.wanted)
-
-    def result_or_refusal(self, future: Future) -> Any:
-        """Return a result, when it is there; that its workers died is an `InputError`."""
+    def result(self, future: Future) -> Any:
+        """Return the result of a task, when it is there; errors as of `result_of`."""
         while not self.done_of([future], PATIENCE):
             pass
-        try:
-            return result_of(future)
-        except WorkerLostError as error:
-            raise InputError(str(error)) from None
+        return result_of(future)
 
 
 def result_of(future: Future) -> Any:
-    """Return the result of a task.
+    """Return the result of a task that is done.
 
     Raises
     ------
-    WorkerLostError
+    InputError
         If the workers that did it died.
     SchedulerLostError
         If the scheduler has gone.
@@ -216,7 +195,7 @@ def result_of(future: Future) -> Any:
     try:
         return future.result()
     except KilledWorker:
-        raise WorkerLostError(
+        raise InputError(
             "the worker that did it died (killed, or out of memory), and so did those that tried again: "
             "give workers more memory"
         ) from None
@@ -269,7 +248,6 @@ def opened_map(cluster: str | None, quiet: bool) -> Iterator[Callable[..., Itera
 
 
 def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
-    """Return a client of the cluster of a name."""
     import dask
 
     kept = {
@@ -303,7 +281,6 @@ def _require_answer(address: str) -> None:
 
 
 def _is_local(name: str) -> bool:
-    """Return whether a name is that of processes of this computer."""
     return name.partition(":")[0] == LOCAL
 
 

@@ -20,15 +20,14 @@ import typer
 from evenlight import bench_command, progress
 from evenlight.analysis import (
     analyze_command,
-    audit_command,
     catalogue_command,
     control_command,
     fit_commands,
     judge_command,
+    measuring_commands,
     optimize_command,
     plan_command,
     reproduce_command,
-    saving_command,
 )
 from evenlight.data_schema.checking import validate_command
 from evenlight.data_schema.errors import InputError
@@ -36,22 +35,20 @@ from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.quantities import LARGEST_WHOLE
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
-from evenlight.experiments import light_command, new_command, play_command, run_command, watch_command
+from evenlight.experiments import new_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.help_pages import HelpfulCommand, HelpfulGroup
-from evenlight.option_panels import declared_by_name
+from evenlight.option_panels import GONE, RIGHT_NAMES, declared_by_name, expert
 from evenlight.registered_tasks import load_tasks
+from evenlight.result_requests import recorded
 from evenlight.stimuli import apply_command, track_command
 from evenlight.stimuli import commands as stimuli_commands
 
 if TYPE_CHECKING:
-    from evenlight.analysis.plans.ramp_plan_pool import TrueThresholds
     from evenlight.data_schema.display import Display
-    from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
-    from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Trial
 
 app = typer.Typer(name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -91,63 +88,11 @@ def start(
         load_tasks()
 
 
-def _simulated_ramps(
-    design: RampDesign, display: Display, participants: int, seed: int
-) -> tuple[Sequence[RampTrial], TrueThresholds]:
-    """Return the trials and true thresholds of simulated participants: who answers in a plan."""
-    from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
-
-    return simulated_trials_and_thresholds(design, display, participants, seed)
-
-
-def _ramp_design(name_or_path: str) -> RampDesign:
-    """Return a design of the ramp experiment."""
-    from evenlight.experiments.design_files import load_design
-
-    return load_design(name_or_path)
-
-
 def _display(name_or_path: str) -> Display:
     """Return a display, of a preset's name or a file."""
     from evenlight.method.preset_files import load_display
 
     return load_display(name_or_path)
-
-
-def _fit_sweep(folder: Path) -> list[str]:
-    """Write the results of a sweep into its folder, and return what is to be said of them."""
-    from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
-
-    return fit_sweep(folder, folder)
-
-
-def _write_power(folder: Path, power_model: str | None) -> list[str]:
-    """Write the results of measured power into its folder, and return what is to be said of them."""
-    from evenlight.analysis.measurement.played_power.power_report import write_power_results
-    from evenlight.method.preset_files import load_power_model
-
-    return write_power_results(folder, folder, load_power_model(power_model) if power_model else None)
-
-
-def _write_light(folder: Path, *, kept: bool) -> list[str]:
-    """Write the results of recorded light into its folder, if that is kept; return what to say of them."""
-    from evenlight.analysis.measurement.light.light_results import write_light_results
-
-    return write_light_results(folder, folder if kept else None)
-
-
-def _simulate(task: str, out: Path, people: tuple[int, int], display: str, stimuli: Path | None) -> None:
-    """Write a data set of simulated participants, in the paper's design."""
-    experiment_commands.simulate(task, out, *people, display, stimuli=stimuli, quiet=True)
-
-
-def _repeat_viewing(
-    task: str, stimuli: Path, people: tuple[int, int], display: str, sets: int
-) -> tuple[tuple[AssumedEffect, ...], tuple[tuple[Trial, ...], ...]]:
-    """Return what is true of simulated viewers, and the trials of many data sets of theirs."""
-    from evenlight.experiments.viewing.simulate_viewing import load_simulation, repeated_viewing
-
-    return repeated_viewing(load_simulation(task, stimuli, people, display, None), sets)
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -180,7 +125,7 @@ def demo(
     budget: Annotated[
         float, typer.Option(help="Mean brightness factor of the track, 0.2 to 1 (full brightness).")
     ] = 0.4,
-    seed: Annotated[int, typer.Option(help="Seed of the random numbers.")] = 1,
+    seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
 ) -> None:
     """See the whole loop, small: simulated calibration, rate limit, a track, a report."""
@@ -207,28 +152,27 @@ def demo(
 COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
     "Start here": {"demo": demo, "new": new_command.new},
     "Video": {
-        "optimize": optimize_command.optimize,
-        "catalogue": catalogue_command.catalogue,
-        "control": control_command.control,
-        "judge": judge_command.judge,
-        "play": play_command.play_command(_write_power),
+        "optimize": recorded("optimize", optimize_command.optimize),
+        "catalogue": recorded("catalogue", catalogue_command.catalogue),
+        "control": recorded("control", control_command.control),
+        "judge": recorded("judge", judge_command.judge),
+        "play": measuring_commands.play,
         "apply": apply_command.apply,
         "follow": follow_command.follow_command,
         "track": track_command.track,
         "render": stimuli_commands.render,
     },
-    "Calibration": {"fit": fit_commands.fit},
+    "Calibration": {"fit": recorded("fit", fit_commands.fit)},
     "Experiments": {
-        "plan": plan_command.plan_command(_simulated_ramps, _ramp_design),
-        "run": run_command.run_command(_fit_sweep),
+        "plan": plan_command.plan,
+        "run": measuring_commands.run,
         "watch": watch_command.watch,
         "simulate": experiment_commands.simulate,
     },
     "Instruments": {"measure": measure_command.measure},
     "Statistics": {
-        "analyze": analyze_command.analyze,
-        "reproduce": reproduce_command.reproduce_command((_simulate, _repeat_viewing)),
-        "audit": audit_command.audit,
+        "analyze": recorded("analyze", analyze_command.analyze),
+        "reproduce": reproduce_command.reproduce,
     },
     "Files": {
         "validate": validate_command.validate,
@@ -237,8 +181,7 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
         "bench": bench_command.bench,
     },
 }
-measure_command.measure.command()(saving_command.saving)
-measure_command.measure.command("light")(light_command.light_command(_write_light))
+measure_command.measure.command()(measuring_commands.saving)
 for panel, commands in COMMANDS.items():
     for name, mounted in commands.items():
         if isinstance(mounted, typer.Typer):
@@ -334,7 +277,12 @@ def _usage(error: typer.BadParameter) -> str:
     """Return what is wrong with the command line, and where its help is."""
     where = error.ctx.command_path if error.ctx else "evenlight"
     said = error.format_message().replace("Value error, ", "").rstrip(".")
-    if possible := getattr(error, "possibilities", None):  # options that look like it
+    wrong = getattr(error, "option_name", "").strip("-").replace("-", "_")
+    if right := RIGHT_NAMES.get(wrong):
+        said = f"{said.partition(' (')[0]}: it is called --{right.replace('_', '-')}"
+    elif why := GONE.get(wrong):
+        said = f"{said.partition(' (')[0]}: {why}"
+    elif possible := getattr(error, "possibilities", None):  # options that look like it
         said = f"{said.partition(' (')[0]}. Did you mean {' or '.join(possible)}?"
     return f"{said}{' See' if said.endswith('?') else '; see'} {where} --help"
 

@@ -20,8 +20,8 @@ from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model
 
-SIZE = (288, 232)  # [pixels] width and height: large enough for fine bands that are counted where they change
-FRAMES = 20  # more than a stretch
+SIZE = (288, 232)  # [pixels] width and height
+FRAMES = 20
 
 
 def compile_kernels() -> None:

@@ -2,6 +2,9 @@
 
 Pages are plain text, so that they read the same on a terminal, in a pipe and in a screen reader. The group of
 a command and the panel of an option are declared with them, as Typer's `rich_help_panel`.
+
+The examples are in `help_examples.txt`, one a line, and tests run them. They use files that a reader has
+(`film.mp4`, `desk.rig.toml`) and what earlier examples made (`film-track`, `lab`, `calibration`, `study`).
 """
 
 from __future__ import annotations
@@ -11,12 +14,11 @@ import os
 import shutil
 import textwrap
 from collections.abc import Iterable, Iterator
+from pathlib import Path
 from typing import Any
 
 import typer
 from typer.core import TyperArgument, TyperCommand, TyperGroup, TyperOption
-
-from evenlight.help_examples import EXAMPLES
 
 WIDEST = 110  # columns: longer lines are hard to read
 NAMES = 26  # columns of names; a longer one has a line of its own
@@ -24,6 +26,7 @@ GROUPS = ("Start here", "Video", "Calibration", "Experiments", "Instruments", "S
 OUTPUT = "Output"  # the panel that is shown after others
 GENERAL = "General"  # the panel of options that name none
 VALUES = {"float": "NUMBER", "int": "N", "str": "TEXT", "path": "FILE"}  # what an option takes, by its type
+NESTED = ("new", "track", "measure")  # groups of commands
 TIED = "\u00a0"  # a space at which no line ends
 Row = tuple[str, str]  # of a panel: a name, and what it is
 
@@ -39,26 +42,32 @@ class HelpfulCommand(TyperCommand):
 class HelpfulGroup(TyperGroup):
     """A group of commands whose `--help` is a page of this module."""
 
-    def format_help(self, ctx: Any, formatter: Any) -> None:
-        """Write the page."""
-        formatter.write(help_page(self, ctx))
+    format_help = HelpfulCommand.format_help
+
+
+def _examples() -> dict[str, list[str]]:
+    """Return the first two lines that begin with the words of each command; "" stands for all of them."""
+    examples: dict[str, list[str]] = {}
+    for line in Path(__file__).with_name("help_examples.txt").read_text(encoding="utf-8").splitlines():
+        words = line.split()[1:3]
+        for depth in (0, 1, 2) if words[0] in NESTED else (0, 1):
+            examples.setdefault(" ".join(words[:depth]), []).append(line)
+    return {words: lines[:2] for words, lines in examples.items()}
+
+
+EXAMPLES = _examples()
 
 
 def help_page(command: TyperCommand | TyperGroup, context: typer.Context) -> str:
-    """Return what `--help` shows of a command, as wide as the terminal.
-
-    Parameters
-    ----------
-    command : TyperCommand or TyperGroup
-        The command, or a group of them.
-    context : Context
-        Of its call.
-    """
+    """Return what `--help` shows of a command, or of a group of them, as wide as the terminal."""
     width = min(shutil.get_terminal_size().columns, WIDEST)
     arguments = [one for one in command.params if isinstance(one, TyperArgument)]
     options = [one for one in command.get_params(context) if isinstance(one, TyperOption) and not one.hidden]
+    needed = ["COMMAND"] if isinstance(command, TyperGroup) else []
+    needed += [_argument(one) if one.required else f"[{_argument(one)}]" for one in arguments]
+    needed += [_option(one, context) for one in options if one.required]
     usage = textwrap.wrap(
-        f"Usage: {context.command_path} {_usage(command, arguments, options, context)}",
+        " ".join(["Usage:", context.command_path, *needed, "[OPTIONS]"]),
         width,
         subsequent_indent=" " * 7,
         break_on_hyphens=False,
@@ -74,20 +83,6 @@ def help_page(command: TyperCommand | TyperGroup, context: typer.Context) -> str
     words = context.command_path.split()
     examples = "\n".join(_example_lines(" ".join(words[words.index("evenlight") + 1 :])))
     return "\n\n".join(["\n".join(usage), *text, *sections, examples]).rstrip() + "\n"
-
-
-def _usage(
-    command: TyperCommand | TyperGroup,
-    arguments: list[TyperArgument],
-    options: list[TyperOption],
-    context: typer.Context,
-) -> str:
-    """Return what must be given, and what may be."""
-    if isinstance(command, TyperGroup):
-        return "COMMAND [OPTIONS]"
-    needed = [_argument(one) if one.required else f"[{_argument(one)}]" for one in arguments]
-    needed += [_option(one, context) for one in options if one.required]
-    return " ".join([*needed, "[OPTIONS]"])
 
 
 def _command_panels(group: TyperGroup) -> dict[str, list[Row]]:
@@ -112,7 +107,6 @@ def _option_panels(options: Iterable[TyperOption], context: typer.Context) -> di
 
 
 def _argument(argument: TyperArgument) -> str:
-    """Return how the usage names an argument."""
     return (argument.metavar or argument.name or "").upper() + ("..." if argument.nargs == -1 else "")
 
 
@@ -144,7 +138,6 @@ def _notes(option: TyperOption) -> Iterator[str]:
 
 
 def _heading(title: str) -> str:
-    """Return a title, bold on a terminal that may show colours."""
     return f"{title}:" if os.environ.get("NO_COLOR") else typer.style(f"{title}:", bold=True)
 
 

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.analysis.tracks.dimming_options import MIN_FACTORS as MIN_FACTORS
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -36,7 +37,6 @@ from evenlight.stimuli.video.video_source import VideoSource
 Named = str | PathLike[str]
 Frames = Iterable[Frame] | Iterable[NDArray[Any]]
 FRAMES_PER_SECOND = 25.0
-LOWEST_FACTORS = 0.001, 0.99  # a display can hardly be dimmed further; beyond, nothing is left to choose
 Record = TypeVar("Record")
 Choice = TypeVar("Choice", bound=enum.Enum)
 
@@ -73,19 +73,11 @@ def _record_of(name: str, given: Any, cls: type[Record], load: Callable[[str], R
     return load(fspath(given))
 
 
-def require_own(
-    curves: LossCurves, display: Any, contrast_model: Any, rate: Any, field_of_view: Any, lowest_factor: Any
-) -> None:
+def require_own(curves: LossCurves, contrast_model: Any, **given: Any) -> None:
     """Refuse arguments that loss curves were made with already, and curves that cannot be."""
     require_possible_curves(curves)
-    given = {
-        "display": display not in (None, curves.display),
-        "frames_per_second": rate is not None,
-        "field_of_view": field_of_view is not None,
-        "lowest_factor": lowest_factor not in (0.2, float(curves.factors[0])),
-    }
-    if any(given.values()):
-        names = ", ".join(name for name, is_given in given.items() if is_given)
+    own = {"display": (None, curves.display), "min_factor": (0.2, float(curves.factors[0]))}
+    if names := ", ".join(name for name, value in given.items() if value not in own.get(name, (None,))):
         raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
     made_with = curves.provenance.inputs.get("contrast_model")
     if made_with not in (None, sha256_of_record(contrast_model_of(contrast_model))):
@@ -103,9 +95,10 @@ def choice(name: str, value: Any, of: type[Choice]) -> Choice:
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
     """Return the number that an argument holds, if it lies within its limits."""
-    if isinstance(value, bool) or not isinstance(value, Real) or not low <= float(value) <= high:
-        within = "" if low == -math.inf and high == math.inf else f" in {low:g} to {high:g}"
-        raise InputError(f"{name} must be a number{within}, got {value!r}")
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
+        raise InputError(f"{name} must be a number, got {value!r}")
+    if not low <= float(value) <= high:
+        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {float(value):.15g}")
     return float(value)
 
 
@@ -143,10 +136,10 @@ def frame_of(pixel_values: Any, duration: float = 1.0) -> Frame:
     return frame
 
 
-def video_of(given: Named | VideoSource | Frames, frames_per_second: float | None = None) -> VideoSource:
+def video_of(given: Named | VideoSource | Frames, fps: float | None = None) -> VideoSource:
     """Return a video: of a path or built-in name, a source that is one already, or frames in memory."""
     if isinstance(given, str | PathLike):
-        return open_video(fspath(given), frames_per_second)
+        return open_video(fspath(given), fps)
     if isinstance(given, VideoSource):
         return given
     if isinstance(given, np.ndarray) and given.ndim == 3:
@@ -154,7 +147,7 @@ def video_of(given: Named | VideoSource | Frames, frames_per_second: float | Non
     if not isinstance(given, Iterable):
         kind = type(given).__name__
         raise InputError(f"video must be a path, a built-in sequence's name or frames, got a {kind}")
-    return FramesInMemory(given, FRAMES_PER_SECOND if frames_per_second is None else frames_per_second)
+    return FramesInMemory(given, FRAMES_PER_SECOND if fps is None else fps)
 
 
 class FramesInMemory:
@@ -165,14 +158,14 @@ class FramesInMemory:
     frames : iterable of array, (height, width, 3), or of Frame
         Arrays are gamma-encoded R, G, B: uint8 or uint16 over their full range, floats in [0, 1]. An iterator
         is read once, few frames in memory at a time.
-    frames_per_second : float
+    fps : float
         Frame rate of arrays [Hz]; a `Frame` has a time and a duration of its own.
     """
 
     name = "frames"
 
-    def __init__(self, frames: Frames, frames_per_second: float) -> None:
-        self._frames, self._rate = frames, positive("frames_per_second", frames_per_second)
+    def __init__(self, frames: Frames, fps: float) -> None:
+        self._frames, self._rate = frames, positive("fps", fps)
         self.n_frames = len(frames) if isinstance(frames, Sequence | np.ndarray) else None
         self._begun = False
 

@@ -14,7 +14,7 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.inputs import (
-    LOWEST_FACTORS,
+    MIN_FACTORS,
     Frames,
     Named,
     choice,
@@ -26,6 +26,7 @@ from evenlight.inputs import (
     video_of,
     whole,
 )
+from evenlight.keywords import right_names
 from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.one_factor import OneFactorLoss
@@ -34,23 +35,23 @@ from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
 from evenlight.stimuli.video.viewing_geometry import seen_video
 
 
+@right_names
 def loss_curves(
     video: Named | VideoSource | Frames,
     *,
     display: Named | Display = "varjo-xr3",
     contrast_model: Named | ContrastModel = "default",
-    frames_per_second: float | None = None,
+    fps: float | None = None,
     field_of_view: float | None = None,
-    actuator: str = "backlight",
-    lowest_factor: float = 0.2,
-    tolerance: float = 0.001,
+    actuator: Actuator | str = "backlight",
+    min_factor: float = 0.2,
     jobs: int = 1,
 ) -> LossCurves:
     """Return the contrast loss of every frame of a video at every brightness factor, for several budgets.
 
     Parameters
     ----------
-    video, display, contrast_model, frames_per_second, field_of_view, actuator, lowest_factor, tolerance, jobs
+    video, display, contrast_model, fps, field_of_view, actuator, min_factor, jobs
         As in `optimize`.
 
     Returns
@@ -58,15 +59,15 @@ def loss_curves(
     LossCurves
         Of N frames; `loss` is (N, K) at its K `factors`.
     """
-    source, panel = video_of(video, frames_per_second), display_of(display)
+    source, panel = video_of(video, fps), display_of(display)
     model = contrast_model_of(contrast_model)
     inputs = {
         "video": source.sha256(),
         "display": sha256_of_record(panel),
         "contrast_model": sha256_of_record(model),
     }
-    knots = brightness_factors(number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
-    effort = AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs))
+    knots = brightness_factors(number("min_factor", min_factor, *MIN_FACTORS))
+    effort = AnalysisEffort(whole("jobs", jobs))
     made = provenance_now(inputs=inputs)
     degrees = field_of_view_in(field_of_view) or field_of_view_of(source)
     frames, geometry = seen_video(source.frames(), panel, degrees, source.name)

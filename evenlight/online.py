@@ -18,7 +18,7 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.inputs import (
-    LOWEST_FACTORS,
+    MIN_FACTORS,
     Named,
     choice,
     contrast_model_of,
@@ -30,6 +30,7 @@ from evenlight.inputs import (
     power_model_of,
     rate_limit_of,
 )
+from evenlight.keywords import right_names
 from evenlight.method.choices import Device, LimitCurve
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.contrast.frame_analysis import FrameAnalyzer
@@ -96,9 +97,9 @@ class OnlineController:
         Presets by name, files by path, or the records themselves.
     field_of_view : float, optional
         What the frames' width spans [deg]; else they are shown pixel for pixel.
-    frames_per_second : float
+    fps : float
         Of the loop, where `step` is not told how long each frame is shown [Hz].
-    lowest_factor : float
+    min_factor : float
         Lowest brightness factor.
     start_factor : float, optional
         Factor of the first frame; else where it has the target loss.
@@ -135,27 +136,28 @@ class OnlineController:
     Examples
     --------
     >>> import numpy as np
-    >>> controller = OnlineController(target_loss=0.05, frames_per_second=90)
+    >>> controller = OnlineController(target_loss=0.05, fps=90)
     >>> checks = np.indices((64, 64)).sum(axis=0) // 8 % 2 * 0.2 + 0.4
     >>> frame = np.repeat(checks[:, :, None], 3, axis=2)
     >>> 0.2 <= controller.step(frame) <= 1
     True
     """
 
+    @right_names
     def __init__(
         self,
         target_loss: float | None = None,
         *,
         budget: float | None = None,
-        budget_unit: str = "factor",
+        budget_unit: BudgetUnit | str = "factor",
         horizon: float = HORIZON,
         display: Named | Display | None = None,
         power_model: Named | PowerModel = "surace2025",
         rate_limit: Named | RateLimit = "surace2025",
         contrast_model: Named | ContrastModel = "default",
         field_of_view: float | None = None,
-        frames_per_second: float = 60.0,
-        lowest_factor: float = 0.2,
+        fps: float = 60.0,
+        min_factor: float = 0.2,
         start_factor: float | None = None,
         proportional: float = 0.2,
         integral: float = 0.01,
@@ -175,7 +177,7 @@ class OnlineController:
         self._geometry: ViewingGeometry | None = None
         self._power = power_model_of(power_model)
         limit = usable_limit(asked, self._display, other_display_ok, accept_wide_band)
-        lowest = number("lowest_factor", lowest_factor, *LOWEST_FACTORS)
+        lowest = number("min_factor", min_factor, *MIN_FACTORS)
         unit = choice("budget_unit", budget_unit, BudgetUnit)
         curve = choice("limit_curve", limit_curve, LimitCurve)
         over = number("horizon", horizon, *HORIZONS)
@@ -197,7 +199,7 @@ class OnlineController:
             settings, scalar_rate_limit(limit, self._display.reflected_luminance, curve)
         )
         self._target_is_given = target_loss is not None
-        self._start, self._duration = start_factor, 1 / positive("frames_per_second", frames_per_second)
+        self._start, self._duration = start_factor, 1 / positive("fps", fps)
         self._state: ControllerState | None = None
         self._measure: OneFactorLoss | None = None
         self._light = FrameLight(self._display, self._model.pixel_to_luminance)
@@ -225,12 +227,12 @@ class OnlineController:
         frame : array, (height, width, 3), uint8, uint16, float32 or float64, or Frame
             The undimmed frame: gamma-encoded R, G, B over the integer's full range, or in [0, 1].
         duration : float, optional
-            How long it will be shown [s]; else 1 / `frames_per_second`, or that of the `Frame`.
+            How long it will be shown [s]; else 1 / `fps`, or that of the `Frame`.
 
         Returns
         -------
         float
-            b, in [`lowest_factor`, 1]. Dim in linear light: D = b · I.
+            b, in [`min_factor`, 1]. Dim in linear light: D = b · I.
         """
         if self._ahead is not None:
             raise InputError(
@@ -261,7 +263,7 @@ class OnlineController:
         frame, duration : array or Frame, float, optional
             As of `step`.
 
-        >>> controller = OnlineController(target_loss=0.05, frames_per_second=2, lookahead=1.0)
+        >>> controller = OnlineController(target_loss=0.05, fps=2, lookahead=1.0)
         >>> frame = np.full((16, 16, 3), 0.5)
         >>> [len(controller.push(frame)) for _ in range(4)], len(controller.finish())
         ([0, 0, 1, 1], 2)
@@ -308,7 +310,6 @@ class OnlineController:
         return self._shown(frame_of(frame)), seconds
 
     def _cost_of(self, channel_means: Array, seconds: float) -> FrameCost:
-        """Return what the next frame uses of the budget."""
         assert self._costs is not None
         return self._costs.of(float(power_per_factor(self._power, channel_means[None])[0]), seconds)
 
@@ -329,7 +330,6 @@ class OnlineController:
         return brightness_factors(self._controller.settings.lowest_factor)
 
     def _first_curves(self, frame: Frame) -> LossCurves:
-        """Return the loss curve of the first frame."""
         return analyze_frames([frame], "the first frame", self._display, self._model, self._knots)
 
     def _first_factor(self, curves: LossCurves) -> float:

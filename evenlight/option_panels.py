@@ -20,6 +20,7 @@ limits = partial(typer.Option, rich_help_panel="Rate limit")
 computation = partial(typer.Option, rich_help_panel="Computation")
 instruments = partial(typer.Option, rich_help_panel="Instrument")
 output = partial(typer.Option, rich_help_panel="Output")
+expert = partial(typer.Option, hidden=True)  # in docs/requests.md, and a key of request.toml
 
 Complete = Callable[[str], list[str]]
 PACKAGE = Path(__file__).parent
@@ -61,6 +62,17 @@ complete_design = presets_and_files("experiments/designs", ".design.toml")
 complete_video = words_and_files(
     "library", "gym", "living_room", "basement", "house", "checkerboard", "sunrise"
 )
+
+# The one name of what other programs, or earlier versions, call otherwise.
+RIGHT_NAMES = {
+    "lowest_factor": "min_factor",
+    "minimum_factor": "min_factor",
+    "frames_per_second": "fps",
+    "frame_rate": "fps",
+    "battery": "battery_wh",
+}
+# Options of earlier versions, and why they are gone.
+GONE = {"tolerance": "it is gone: every frame is counted whole"}
 
 # What an option or argument takes, and what completes it, by its name; a command may say otherwise.
 METAVARS = {

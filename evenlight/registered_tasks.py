@@ -52,7 +52,7 @@ class TaskDeclaration:
     observer : callable, optional
         Makes the `Viewing` of simulated participants from a `SessionSetting`; without it, none are simulated.
     findings : callable, optional
-        Makes `Findings` of a `TaskData` and `AnalysisOptions`; without it, `analyze` says that it
+        Makes `Analysis` of a `TaskData` and `AnalysisOptions`; without it, `analyze` says that it
         has none for the task.
     frames : type, optional
         Record of what the display showed in an interval of a trial; that of videos if left out.

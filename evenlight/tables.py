@@ -4,31 +4,27 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from dataclasses import dataclass
 from numbers import Real
 from os import PathLike
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.fit_report import write_calibration
+from evenlight.analysis.calibration.calibration import calibrate
+from evenlight.analysis.calibration.ramp_fit import RampFit
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
 from evenlight.analysis.dataset_findings import DEFAULT_SLOWING, AnalysisOptions, task_findings
-from evenlight.analysis.findings import Findings, write_findings
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.ramp_loading import RampData
+from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import task_data_of
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record, nullable_fields, record_from_mapping
-from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.quantities import file_key
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.session import TASKS
-from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.inputs import Named, choice, display_of, whole
 
 if TYPE_CHECKING:
@@ -45,88 +41,13 @@ IDENTIFIERS = ("participant_id", "session_id", "sequence", "keypoint")  # text, 
 ANSWERS = {True: "yes", False: "no", "1": "yes", "0": "no"}  # True is 1
 
 
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
-class RampFit:
-    """What ramps and their answers say: thresholds of each participant, and the rate limit of all.
-
-    Attributes
-    ----------
-    calibration : Calibration
-        Everything that was fitted.
-    """
-
-    calibration: Calibration
-
-    def __repr__(self) -> str:
-        who, n = self.calibration.data.participant_ids, len(self.calibration.thresholds)
-        kind = "simulated participants" if self.calibration.data.simulated else "participants"
-        return f"<RampFit of {len(who)} {kind}: {n} thresholds, {self.rate_limit!r}>"
-
-    @property
-    def thresholds(self) -> pd.DataFrame:
-        """The columns of `thresholds.csv`: a row for each participant and level, with credible intervals."""
-        return pd.DataFrame([mapping_from_record(fit.threshold) for fit in self.calibration.thresholds])
-
-    @property
-    def rate_limit(self) -> RateLimit:
-        """ΔL(L), the fastest change of luminance allowed, for `optimize` and `OnlineController`."""
-        fitted = self.calibration.rate_limit.limit
-        return dataclasses.replace(fitted, simulated=self.calibration.data.simulated)
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What a reader of the results should know."""
-        return self.calibration.warnings
-
-    def save(self, folder: Named) -> None:
-        """Write `thresholds.csv`, `rate_limit.json` and `fit_summary.json` into a folder."""
-        with results_folder(Path(folder)) as made:
-            write_calibration(self.calibration, made, provenance_now())
-
-
-@dataclass(frozen=True, slots=True, repr=False, eq=False)
-class Analysis:
-    """What the statistics of one task found.
-
-    Attributes
-    ----------
-    findings : Findings
-        Numbers, figures and words, as `evenlight analyze` writes them.
-    """
-
-    findings: Findings
-
-    def __repr__(self) -> str:
-        return f"<Analysis of {self.findings.name}: {len(self.findings.statistics)} numbers; {self.lead}>"
-
-    @property
-    def lead(self) -> str:
-        """What came out, in a sentence or two; before it, what is wrong with the answers, if anything is."""
-        return self.findings.cautious_lead
-
-    @property
-    def statistics(self) -> pd.DataFrame:
-        """Every number with its interval, test and p value: the columns of `*_statistics.csv`."""
-        return pd.DataFrame([mapping_from_record(row) for row in self.findings.statistics])
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """What is wrong with the data, but does not forbid their use."""
-        return self.findings.warnings
-
-    def save(self, folder: Named) -> None:
-        """Write the statistics as CSV, and each figure as PNG with the numbers it draws."""
-        with results_folder(Path(folder)) as made:
-            write_findings(made, self.findings)
-
-
 def fit_ramps(
     table: pd.DataFrame | Iterable[Mapping[str, Any]] | Mapping[str, Any],
     *,
     display: Named | Display = "varjo-xr3",
     simulated: bool = False,
     model: str | None = None,
-    form: str | None = None,
+    form: RateLimitForm | str | None = None,
     degree: int | None = None,
     monotone: bool = False,
     procedure: str | None = None,
@@ -162,6 +83,7 @@ def fit_ramps(
     Returns
     -------
     RampFit
+        Thresholds, psychometric functions and the rate limit; it can be asked, drawn and saved.
 
     Raises
     ------
@@ -239,7 +161,7 @@ def analyze(
     cls, defaults = viewing[task], NOT_READ.get(task, {})
     trials = [_record(cls, row, number, defaults, simulated) for number, row in enumerate(rows)]
     options = AnalysisOptions(seed=seed, margin=margin, slowing=slowing)
-    return Analysis(task_findings(task_data_of(task, trials, simulated), options))
+    return task_findings(task_data_of(task, trials, simulated), options)
 
 
 def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:

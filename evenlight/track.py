@@ -2,40 +2,29 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-from os import fspath
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evenlight.analysis.earlier_results import files_in, remove_earlier_track
+from evenlight.analysis.earlier_results import track_folder
 from evenlight.analysis.figure_style import write_png
-from evenlight.analysis.tracks.gain_words import gain_in_words, uses_same_power
-from evenlight.analysis.tracks.objective_words import (
-    less_or_more,
-    little_of,
-    minimized_in_words,
-    spread_in_words,
-)
+from evenlight.analysis.report import KeyFigure
+from evenlight.analysis.results import Result
 from evenlight.analysis.tracks.optimization import optimize_video
-from evenlight.analysis.tracks.optimization_job import AnalysedVideo, OptimizationJob
-from evenlight.analysis.tracks.track_figure import track_figure
-from evenlight.analysis.tracks.track_figure_data import TrackFigureData
+from evenlight.analysis.tracks.optimization_job import AnalysedVideo
+from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
+from evenlight.analysis.tracks.track_request import TrackRequest
+from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.contrast_model import ContrastModel
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
-from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
-    BudgetUnit,
     read_track,
     track_columns,
     write_track,
@@ -46,34 +35,9 @@ from evenlight.data_schema.tracks.loss_curves import (
     write_loss_curves,
 )
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-from evenlight.inputs import (
-    LOWEST_FACTORS,
-    Frames,
-    Named,
-    choice,
-    contrast_model_of,
-    display_of,
-    field_of_view_in,
-    number,
-    power_model_of,
-    rate_limit_of,
-    require_own,
-    video_of,
-    whole,
-)
-from evenlight.method.choices import (
-    DEFAULT_CALM,
-    AnalysisEffort,
-    LimitCurve,
-    ModulatedLuminance,
-    ObjectiveName,
-    SolverName,
-)
+from evenlight.inputs import Frames, Named, require_own, video_of
+from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.contrast.measures import measure_named, measures_named
-from evenlight.method.optimizer.objective import objective_named
-from evenlight.method.optimizer.request import Request, require_possible
-from evenlight.method.preset_files import usable_limit
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
@@ -84,34 +48,39 @@ TRACK, SUMMARY, CURVES, FIGURE = "track.csv", "summary.json", "loss_curves.npz",
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
-class Track:
+class Track(Result):
     """A brightness track: what `optimize` returns and `load` reads.
 
     Attributes
     ----------
     track : BrightnessTrack
         The columns of `track.csv`, as arrays.
-    summary : OptimizationSummary
+    outcome : OptimizationSummary
         The keys of `summary.json`: budget, objective, bound, rates, power, how it was made.
     curves : LossCurves
         Contrast loss of every frame at every brightness factor.
+    others : tuple of Track
+        Those of the clips that share its budget; the outcome of each is about that clip.
     """
 
     track: BrightnessTrack
-    summary: OptimizationSummary
+    outcome: OptimizationSummary
     curves: LossCurves
+    others: tuple[Track, ...] = ()
 
-    def __repr__(self) -> str:
-        s = self.summary
-        gain = 1 - self.objective / self.objective_baseline if self.objective_baseline > 0 else 0.0
-        gained = "little to gain here" if little_of(s) else f"{less_or_more(gain)} than constant dimming"
-        return (
-            f"<Track of {s.video!r}: {s.frames} frames, {s.duration:.4g} s, mean factor {s.mean_factor:.3f}, "
-            f"{s.mean_power:.3g} W; loss differs by {self.objective:.4f} between two frames, {gained}>"
-        )
+    @property
+    def heading(self) -> str:
+        """What it is, in a few words."""
+        s = self.outcome
+        return f"Track of {s.video!r}: {s.frames} frames, {s.duration:.4g} s, mean factor {s.mean_factor:.3f}"
+
+    @property
+    def first_lines(self) -> tuple[str, tuple[KeyFigure, ...]]:
+        """What is saved and gained, and the key figures: how the report of a track begins."""
+        return first_words(self.outcome), key_figures(self.outcome)
 
     def __str__(self) -> str:
-        return "\n".join((*gain_in_words(self.summary), spread_in_words(self.summary)))
+        return "\n".join(gain_in_words(self.outcome))  # as `evenlight optimize` says it
 
     def __len__(self) -> int:
         return len(self.track.factors)
@@ -129,23 +98,23 @@ class Track:
     @property
     def baseline(self) -> float:
         """The factor of constant dimming at equal power."""
-        return self.summary.baseline_factor
+        return self.outcome.baseline_factor
 
     @property
     def objective(self) -> float:
         """Mean absolute difference of contrast loss between two frames (Eq. 6)."""
-        return self.summary.objective
+        return self.outcome.objective
 
     @property
     def objective_baseline(self) -> float:
         """The same, of constant dimming at equal power."""
-        return self.summary.objective_baseline
+        return self.outcome.objective_baseline
 
     @property
     def gap(self) -> float:
         """Share of what was minimized that a better track could gain at most, in [0, 1]; 1: not certified."""
-        value, bound = self.objective, self.summary.lower_bound
-        if (minimized := self.summary.minimized) is not None:
+        value, bound = self.objective, self.outcome.lower_bound
+        if (minimized := self.outcome.minimized) is not None:
             value, bound = minimized.value, minimized.bound
         return float(1 - bound / value) if value > 0 else 0.0
 
@@ -175,34 +144,26 @@ class Track:
 
         return pd.DataFrame(track_columns(self.track))
 
-    def plot(self) -> Figure:
-        """Return the figure `track.png` without the pictures of frames: factor, loss, rate over time."""
-        data = TrackFigureData(
-            track=self.track,
-            baseline_factor=self.baseline,
-            baseline_loss=self.loss(self.baseline),
-            objective=self.objective,
-            objective_baseline=self.objective_baseline,
-            lowest_factor=self.summary.lowest_factor,
-            achieved=self.summary.achieved,
-            clips=self.summary.clips,
-            same_power=uses_same_power(self.summary),
-            minimized=minimized_in_words(self.summary),
-        )
-        return track_figure(data)
+    @property
+    def figures(self) -> Mapping[str, Figure]:
+        """The figure `track.png` without the pictures of frames: factor, loss, rate over time."""
+        data = DrawnTrack(self.track, self.outcome, self.loss(self.baseline))
+        return {"track": track_figure(data)}
+
+    def write(self, folder: Path) -> None:
+        """Write `track.csv`, `track.json`, `summary.json`, `loss_curves.npz` and `track.png`."""
+        write_track(folder / TRACK, self.track)
+        write_json_record(folder / SUMMARY, self.outcome)
+        write_loss_curves(folder / CURVES, self.curves)
+        write_png(folder / FIGURE, self.figures["track"])
 
     def save(self, folder: Named) -> None:
-        """Write `track.csv`, `track.json`, `summary.json`, `loss_curves.npz` and `track.png` into a folder.
+        """Write its files into a folder, which is made if need be; files of an earlier track are replaced.
 
-        The folder is made if need be; files of an earlier track in it are replaced.
+        Those of other clips are left to them.
         """
-        with results_folder(Path(folder)) as made:
-            write_track(made / TRACK, self.track)
-            write_json_record(made / SUMMARY, self.summary)
-            write_loss_curves(made / CURVES, self.curves)
-            write_png(made / FIGURE, self.plot())
-            written = files_in(made)
-        remove_earlier_track(Path(folder), written)
+        with track_folder(Path(folder)) as made:
+            self.write(made)
 
 
 def load(folder: Named) -> Track:
@@ -225,32 +186,13 @@ def load(folder: Named) -> Track:
     )
 
 
-def optimize(
-    video: Named | VideoSource | Frames | LossCurves,
-    budget: float,
-    *,
-    budget_unit: str = "factor",
-    display: Named | Display | None = None,
-    power_model: Named | PowerModel = "surace2025",
-    rate_limit: Named | RateLimit = "surace2025",
-    contrast_model: Named | ContrastModel = "default",
-    frames_per_second: float | None = None,
-    field_of_view: float | None = None,
-    actuator: str = "backlight",
-    lowest_factor: float = 0.2,
-    limit_curve: str = "fitted",
-    modulated: str = "frame_mean",
-    solver: str = "splitting",
-    calm: float = DEFAULT_CALM,
-    robust: Sequence[str] = (),
-    objective: str = "spread",
-    level_weight: float | None = None,
-    tolerance: float = 0.001,
-    jobs: int = 1,
-    other_display_ok: bool = False,
-    accept_wide_band: bool = False,
-    seed: int = 1,
-) -> Track:
+class _RequestInPython(TrackRequest):
+    def named(self, name: str) -> str:
+        return name  # of a keyword, not of an option
+
+
+@takes_fields_of(TrackRequest)
+def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str, Any]) -> Track:
     """Return the brightness track of a video under a power budget (Eq. 6).
 
     Parameters
@@ -259,53 +201,13 @@ def optimize(
         A file, a folder of images, the name of a built-in sequence; arrays (height, width, 3) of gamma-
         encoded R, G, B (uint8 or uint16 over their full range, floats in [0, 1]) or `Frame` objects; or the
         curves of an earlier analysis, which serve for other budgets, power models and rate limits too.
-    budget : float
-        In `budget_unit`.
-    budget_unit : {"factor", "power", "watt"}
-        Mean factor, share of the power at full brightness, or watt.
-    display : str, path or Display, optional
-        A preset, a file or the record; else the one that the rate limit was fitted on.
-    power_model, rate_limit, contrast_model : str, path or record
-        Presets by name, files by path, or the records themselves.
-    frames_per_second : float, optional
-        Of arrays, of a folder of images, or of a built-in sequence; 25 if not given [Hz].
-    field_of_view : float, optional
-        What the video's width spans [deg]; else what it was rendered for, or it is shown pixel for pixel.
-    actuator : {"backlight", "pixels"}
-        What dims the video; pixels show nothing darker than the display's black, and lose more for it.
-    lowest_factor : float
-        Lowest brightness factor.
-    limit_curve : {"fitted", "safe"}
-        The fitted rate limit, or the lower edge of its band.
-    modulated : {"frame_mean", "white_field"}
-        Whose luminance the rate limit is about.
-    solver : {"splitting", "slsqp", "highs", "clarabel"}
-        The fast one, the paper's, or a general one (short clips).
-    calm : float
-        Share of the gain to give up for a calmer track, in [0, 1]; 0 is the paper's exact problem.
-    robust : sequence of str
-        Measures of loss whose worst is minimized, e.g. "relative", "castle" and "suprathreshold", in place of
-        the `contrast_model`; not with loss curves, which are of one measure, or another `objective`.
-    objective : {"spread", "spread+mean", "minimax"}
-        What to minimize: the mean difference of contrast loss between two frames, that and the mean loss, or
-        the largest loss of any frame.
-    level_weight : float, optional
-        Weight of the mean loss; `"spread+mean"` needs it.
-    tolerance : float
-        Error of contrast loss to accept for counting fine detail only where it changes.
-    jobs : int
-        Frames to analyse at a time, each on a core; 0 for all cores.
-    other_display_ok : bool
-        Whether a rate limit that was fitted on another display will do.
-    accept_wide_band : bool
-        Whether a rate limit will do whose band is too wide for use: upper over lower edge above 4.
-    seed : int
-        Of the start of `slsqp`.
+    {fields}
 
     Returns
     -------
     Track
-        Budget met to 1e-6, no step faster than the rate limit, no worse than constant dimming.
+        Budget met to 1e-6, no step faster than the rate limit, no worse than constant dimming. Those of other
+        clips are its `others`.
 
     Raises
     ------
@@ -313,50 +215,29 @@ def optimize(
         If something cannot be used: the message names it and says what would be right.
     """
     known = video if isinstance(video, LossCurves) else None
-    measures = measures_named(tuple(robust)) if robust else ()
-    if measures and (known is not None or contrast_model != "default" or objective != "spread"):
-        raise InputError("robust is the worst spread: leave out loss curves, contrast_model and objective")
+    asked = _RequestInPython(**request)
     if known is not None:
-        require_own(known, display, contrast_model, frames_per_second, field_of_view, lowest_factor)
-        if actuator not in ("backlight", known.actuator.value):
-            raise InputError(f"actuator: the loss curves were made for {known.actuator.value}; leave it out")
-        lowest_factor = float(known.factors[0])
-    limit = rate_limit_of(rate_limit)
-    shown = known.display if known is not None else display_of(display, limit)
-    request = Request(
-        number("budget", budget), choice("budget_unit", budget_unit, BudgetUnit), power_model_of(power_model),
-        usable_limit(limit, shown, other_display_ok, accept_wide_band),
-        choice("limit_curve", limit_curve, LimitCurve),
-        choice("modulated", modulated, ModulatedLuminance),
-        minimized=objective_named(
-            choice("objective", objective, ObjectiveName),
-            None if level_weight is None else number("level_weight", level_weight),
-        ),
-    )  # fmt: skip
-    require_possible(request, number("lowest_factor", lowest_factor, *LOWEST_FACTORS))
-    job = OptimizationJob(
-        source=video_of(video, frames_per_second) if known is None else AnalysedVideo(known),  # type: ignore[arg-type] # not curves
-        display=shown,
-        request=request,
-        model=measure_named(measures[0]) if measures else contrast_model_of(contrast_model),
-        model_name=measures[0] if measures else _name_of(contrast_model),
-        solver=choice("solver", solver, SolverName),
-        seed=whole("seed", seed),
-        min_factor=lowest_factor,
-        calm=number("calm", calm, 0.0, 1.0),
-        field_of_view=field_of_view_in(field_of_view),
-        actuator=choice("actuator", actuator, Actuator) if known is None else known.actuator,
-        effort=AnalysisEffort(number("tolerance", tolerance, 0.0, 1.0), whole("jobs", jobs)),
-        robust=measures,
-        quiet=True,
-    )
-    made = optimize_video(job)
-    return Track(made.clips[0].track, made.summary, made.clips[0].problem.curves)
+        asked = _of_curves(asked, known)
+    asked.check()
+    display, posed = asked.posed(known)
+    source = AnalysedVideo(known) if known is not None else video_of(video, asked.fps)  # type: ignore[arg-type] # no curves
+    job = asked.job(source, display, posed)
+    effort = asked.effort(display, job.model, quiet=True)
+    made = optimize_video(replace(job, effort=effort, cached=False, player=False, quiet=True))
+    first, *others = (Track(drawn.track, drawn.summary, curves) for curves, drawn in made.clips)
+    return replace(first, others=tuple(others))
 
 
-def _name_of(contrast_model: Named | ContrastModel) -> str:
-    """Return what a contrast model is called."""
-    return "given" if isinstance(contrast_model, ContrastModel) else fspath(contrast_model)
+def _of_curves(asked: _RequestInPython, known: LossCurves) -> _RequestInPython:
+    """Return what is asked of loss curves; what they were made with cannot be asked again."""
+    given = {name: getattr(asked, name) for name in ("display", "fps", "field_of_view", "min_factor")}
+    require_own(known, asked.contrast_model, **given)
+    if asked.robust or asked.others:
+        raise InputError("loss curves are of one video and one measure: leave out robust and others")
+    if asked.actuator not in (Actuator.BACKLIGHT, "backlight", known.actuator, known.actuator.value):
+        raise InputError(f"actuator: the loss curves were made for {known.actuator.value}; leave it out")
+    lowest = float(known.factors[0])
+    return replace(asked, min_factor=lowest, actuator=known.actuator)
 
 
 def _checked_factors(factors: ArrayLike, curves: LossCurves) -> Array:

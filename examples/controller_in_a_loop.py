@@ -4,7 +4,7 @@ import numpy as np
 
 import evenlight
 
-controller = evenlight.OnlineController(target_loss=0.05, frames_per_second=90)
+controller = evenlight.OnlineController(target_loss=0.05, fps=90)
 texture = np.random.default_rng(1).random((120, 160, 1)).repeat(3, axis=2)
 for number in range(180):  # two seconds of a scene that becomes darker
     frame = (texture * (1 - 0.7 * number / 180)).astype(np.float32)  # gamma-encoded R, G, B in [0, 1]

@@ -16,12 +16,12 @@ import numpy as np
 
 import evenlight
 from evenlight.analysis.dataset_findings import AnalysisOptions
-from evenlight.analysis.findings import Findings
 from evenlight.analysis.inference.binomial_tests import clopper_pearson, exact_p
 from evenlight.analysis.report import Section, Table
+from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import TaskData
 from evenlight.data_schema.analysis_results import Origin, Statistic
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, described, quantity, record
 from evenlight.data_schema.recordings.ramp import Response, Trial, TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial, Version
@@ -36,7 +36,7 @@ from evenlight.experiments.viewing.viewing_task import ClipTask
 
 
 # What is shown, how often, how. Fields that another task has as well are taken from there.
-@dataclass(frozen=True, slots=True)
+@record
 class LooksDesign:
     """Which sequences are judged, and how often."""
 
@@ -49,12 +49,9 @@ class LooksDesign:
     max_dropped_share: float = as_in(ComparisonDesign, "max_dropped_share")
     repeat_flagged: bool = as_in(ComparisonDesign, "repeat_flagged")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
 
 # A line of trials.jsonl; `response` is this task's own, and the others are as in the comparison.
-@dataclass(frozen=True, slots=True)
+@record
 class LooksTrial(Trial):
     """One judgement of the two versions of a sequence."""
 
@@ -78,7 +75,6 @@ class LooksTrial(Trial):
     flag: TrialFlag = described("why it is left out; empty for none", default=TrialFlag.NONE)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.response not in (Response.FIRST, Response.SECOND):
             raise ValueError(f"response must be 'first' or 'second', got {self.response.value!r}")
 
@@ -136,7 +132,7 @@ class Judges(Viewing):
         return Response.FIRST if prefers_ours == (planned.ours_interval == 1) else Response.SECOND
 
 
-def looks_findings(data: TaskData[LooksTrial], options: AnalysisOptions) -> Findings:
+def looks_findings(data: TaskData[LooksTrial], options: AnalysisOptions) -> Analysis:
     """Return how many participants preferred the modulated version more often than not, and an exact test.
 
     Answers of one person are not independent, people are: each counts once, and not at all if undecided.
@@ -159,7 +155,7 @@ def looks_findings(data: TaskData[LooksTrial], options: AnalysisOptions) -> Find
     row = (f"{ours} of {people}", f"{ours / people:.2f}", f"{low:.2f} to {high:.2f}", f"{p:.3g}")
     table = Table("Who prefers the modulated version", ("count", "share", "95 % CI", "p"), (row,))
     section = Section("Which looks better?", (lead,), (table,), simulated=data.simulated)
-    return Findings("which_looks_better", lead, (share,), (), (section,), data.warnings)
+    return Analysis("which_looks_better", lead, (share,), (), (section,), data.warnings)
 
 
 INSTRUCTIONS = """\

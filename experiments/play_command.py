@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 
 import typer
@@ -18,50 +17,37 @@ from evenlight.experiments.playback.play_options import (
     with_options,
 )
 
-# Writes the results of measured power into its folder, beside the prediction of a power model if one is
-# named, and returns what is to be said of them.
-AnalysePower = Callable[[Path, str | None], list[str]]
 
+def _play(
+    screen: ScreenOptions,
+    video: VideoOptions,
+    headset: HeadsetOptions,
+    power: PowerOptions,
+    walk: WalkOptions,
+    live: LiveOptions,
+) -> Path | None:
+    """Show a video dimmed by its track, in a window or a headset; or walk through a scene, dimmed live.
 
-def play_command(analyse_power: AnalysePower) -> Callable[..., None]:
-    """Return the command `play`, which hands the folder of measured power to an analysis.
-
-    Parameters
-    ----------
-    analyse_power : callable
-        The analysis.
+    Keys: 1 dimmed by the track, 2 constantly at equal power, 3 undimmed, Esc ends. A window needs
+    PsychoPy; in a headset the trigger goes on to the next of these, and the menu button ends.
     """
+    # It returns the folder of measured power, for `analysis.measuring_commands`; the docstring is its help.
+    if walk.walk:
+        refuse("--walk takes no {}, which is for videos", headset)
+        _walk(screen, video, power, walk, live)
+        return None
+    for record in (walk, live):
+        refuse("{} is for walks through a scene: give it with --walk, or leave it out", record)
+    if not power.measure_power:
+        _play_video(screen, video, headset, power)
+        return None
+    refuse("{} is for a headset, whose power cannot be measured: leave out --measure-power", headset)
+    return _measure(screen, video, power)
 
-    def play(
-        screen: ScreenOptions,
-        video: VideoOptions,
-        headset: HeadsetOptions,
-        power: PowerOptions,
-        walk: WalkOptions,
-        live: LiveOptions,
-    ) -> None:
-        """Show a video dimmed by its track, in a window or a headset; or walk through a scene, dimmed live.
 
-        Keys: 1 dimmed by the track, 2 constantly at equal power, 3 undimmed, Esc ends. A window needs
-        PsychoPy; in a headset the trigger goes on to the next of these, and the menu button ends.
-        """
-        if walk.walk:
-            refuse("--walk takes no {}, which is for videos", headset)
-            _walk(screen, video, power, walk, live)
-            return
-        for record in (walk, live):
-            refuse("{} is for walks through a scene: give it with --walk, or leave it out", record)
-        if not power.measure_power:
-            _play_video(screen, video, headset, power)
-            return
-        refuse("{} is for a headset, whose power cannot be measured: leave out --measure-power", headset)
-        folder = _measure(screen, video, power)
-        for line in analyse_power(folder, screen.power_model):
-            if not screen.quiet:
-                typer.echo(line)
-
-    groups = ScreenOptions, VideoOptions, HeadsetOptions, PowerOptions, WalkOptions, LiveOptions
-    return with_options(play, *groups)
+play = with_options(
+    _play, ScreenOptions, VideoOptions, HeadsetOptions, PowerOptions, WalkOptions, LiveOptions
+)
 
 
 def _play_video(

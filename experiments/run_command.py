@@ -9,14 +9,14 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import asked, output, words_and_files
+from evenlight.option_panels import asked, expert, output, words_and_files
 
 if TYPE_CHECKING:
     from evenlight.experiments.run_session import SessionOutcome, SessionRequest
@@ -25,11 +25,6 @@ if TYPE_CHECKING:
 SWEEPS = ("luminance-sweep", "power-sweep")
 ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
-
-AnalyseSweep = Callable[
-    [Path], list[str]
-]  # writes a sweep's results into its folder; returns what to say of them
-
 
 rehearsal = functools.partial(typer.Option, rich_help_panel="Rehearsal")
 pages_of = functools.partial(typer.Option, rich_help_panel="Pages that the participant reads")
@@ -81,34 +76,35 @@ def run(
     resume: Annotated[bool, asked("--resume", help="Go on with a session that was interrupted.")] = False,
     seed: Annotated[
         int | None,
-        asked(help="Seed of all that is random: order, places, noise. Otherwise drawn, and recorded."),
+        expert(help="Seed of all that is random: order, places, noise. Otherwise drawn, and recorded."),
     ] = None,
     language: Annotated[
         str | None,
         pages_of(metavar="CODE", help="Language of the pages, such as en or de. Otherwise that of the rig."),
     ] = None,
     pages: Annotated[
-        Path | None, pages_of(metavar="DIR", help="Folder with pages of your own, in place of ours.")
+        Path | None, expert(metavar="DIR", help="Folder with pages of your own, in place of ours.")
     ] = None,
     font: Annotated[
-        Path | None, pages_of(help="Font for the pages, for scripts that DejaVu Sans does not have.")
+        Path | None, expert(help="Font for the pages, for scripts that DejaVu Sans does not have.")
     ] = None,
     real_time: Annotated[
-        bool, rehearsal("--real-time", help="With --simulate visual: at the pace of a session, not faster.")
+        bool, expert("--real-time", help="With --simulate visual: at the pace of a session, not faster.")
     ] = False,
     screenshots: Annotated[
         Path | None,
-        output(metavar="DIR", help="Folder for a picture of every kind of screen, as it was drawn."),
+        expert(metavar="DIR", help="Folder for a picture of every kind of screen, as it was drawn."),
     ] = None,
     old_calibration_ok: Annotated[
         bool,
-        asked(
+        expert(
             "--old-calibration-ok", help="Accept a display that was measured longer ago than the rig allows."
         ),
     ] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing line.")] = False,
 ) -> Path | None:
     """Run a session with a participant, measure a display by a sweep, or rehearse either."""
+    # It returns the folder of a complete sweep, for `analysis.measuring_commands`; the docstring is its help.
     from evenlight.data_schema.recordings.session import TASKS
 
     known = (*TASKS, *SWEEPS)
@@ -193,27 +189,6 @@ def run(
     )
     _run_session(request, quiet)
     return None
-
-
-def run_command(analyse_sweep: AnalyseSweep) -> Callable[..., None]:
-    """Return the command `run`, which hands the folder of a complete sweep to an analysis.
-
-    Parameters
-    ----------
-    analyse_sweep : callable
-        The analysis.
-    """
-
-    @functools.wraps(run)
-    def run_then_analyse(**asked: Any) -> None:
-        complete = run(**asked)
-        if complete is None:
-            return
-        for line in analyse_sweep(complete):
-            if not asked["quiet"]:
-                typer.echo(line)
-
-    return run_then_analyse
 
 
 @contextmanager

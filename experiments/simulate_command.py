@@ -11,7 +11,7 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import asked, computation, output, words_and_files
+from evenlight.option_panels import asked, expert, output, words_and_files
 from evenlight.progress import shown_progress
 
 MAX_PARTICIPANTS = 9999
@@ -27,7 +27,7 @@ def simulate(
     ],
     out: Annotated[Path, output(help="Folder of the data set, which is made.")],
     participants: Annotated[int, asked(help="How many people to simulate.")] = 20,
-    seed: Annotated[int, computation(help="Seed of the random numbers.")] = 1,
+    seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
     display: Annotated[
         str | None,
         asked(

@@ -21,8 +21,8 @@ from itertools import groupby, pairwise
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.device_saving import DevicePass
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
+from evenlight.data_schema.recordings.played_power import DevicePass
 from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.storage.whole_files import make_folder
 from evenlight.hardware.measuring import Bench, ShowLine, bench_for

@@ -239,38 +239,6 @@ BACKLIGHTS = {
     ),
     NO_BACKLIGHT: Driver("", "no backlight: pixels make the brightness", "none", "none"),
 }
-RECORDED = "file"  # in place of a sampler of light: a recording made elsewhere
-LIGHT_SAMPLERS = {
-    "adc": Driver(
-        "drivers.light_board:LightBoard",
-        "a photodiode at the analog input of a microcontroller (docs/light-board.md)",
-        "adc:PORT, adc:PORT?baud=115200",
-        "1000000 8N1, or USB; samples with its own clock, at the rate of its sketch",
-        "DC-coupled: depth, levels, response time and latency",
-    ),
-    "soundcard": Driver(
-        "drivers.sound_card:SoundCard",
-        "a photodiode at the microphone or line input of a sound card",
-        "soundcard: or soundcard:DEVICE, as `arecord -L` has them",
-        "the program arecord (ALSA); 48 kHz, 16 bits, one channel",
-        "AC-coupled: no depth, levels or response time; the latency is an upper limit",
-        needs_address=False,
-    ),
-    RECORDED: Driver(
-        "",
-        "a recording made elsewhere: an oscilloscope's, a sound recorder's",
-        "file:FILE.csv with the columns time_s,value, or file:FILE.wav",
-        "a WAV file is taken for AC-coupled",
-        "`evenlight measure light` finds its PWM",
-    ),
-    SIMULATED: Driver(
-        "simulated.light_sampler:SimulatedLightSampler",
-        "a simulated photodiode, looking at the simulated panel",
-        "simulated",
-        "10 kHz; PWM of 240 Hz",
-        needs_address=False,
-    ),
-}
 TRIGGERS = {
     "serial": Driver(
         "drivers.serial_trigger:SerialTrigger",

@@ -15,8 +15,9 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.driver import Driver
-from evenlight.hardware.driver_table import LIGHT_SAMPLERS, TRIGGERS
+from evenlight.hardware.driver_table import TRIGGERS
 from evenlight.hardware.installed_drivers import InstrumentKind, known_drivers
+from evenlight.option_panels import expert
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 measure = typer.Typer(invoke_without_command=True)
@@ -37,7 +38,6 @@ LIBRARIES = {
     "pyvisa_py": ("the power meter visa, unless a vendor's VISA is there", INSTALL),
 }
 PROGRAMS = {
-    "arecord": ("the light sampler soundcard", "apt install alsa-utils"),
     "spotread": ("the luminance meter spotread", "apt install argyll"),
     "adb": ("the power meter adb", "apt install adb"),
 }
@@ -45,7 +45,7 @@ PROGRAMS = {
 
 @measure.callback()
 def start(context: typer.Context) -> None:
-    """Measure with luminance meters, power meters, photodiodes and headsets. All commands take --quiet."""
+    """Measure with luminance meters, power meters and headsets. All commands take --quiet."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -66,7 +66,7 @@ def luminance(
     count: Annotated[int, typer.Option(help="How many readings.", min=1, max=1_000_000)] = 3,
     interval_s: Annotated[
         float,
-        typer.Option(
+        expert(
             "--interval-s", help="Time from the start of a reading to that of the next.", min=0.0, max=86400
         ),
     ] = 0.0,
@@ -88,7 +88,7 @@ def power(
     seconds: Annotated[float, typer.Option(help="How long to measure.", min=0.0, max=1e6)] = 10.0,
     rate_hz: Annotated[
         float | None,
-        typer.Option(
+        expert(
             "--rate-hz", help="Samples per second.", min=0.0, max=1e6, show_default="100, or the driver's own"
         ),
     ] = None,
@@ -226,7 +226,6 @@ def list_lines(present: ConnectedDevices) -> list[str]:
         *_drivers("Luminance meters", known_drivers(InstrumentKind.LUMINANCE)),
         *_drivers("Power meters", known_drivers(InstrumentKind.POWER)),
         *_drivers("Backlights", known_drivers(InstrumentKind.BACKLIGHT)),
-        *_drivers("Samplers of light over time", LIGHT_SAMPLERS),
         *_drivers("Trigger outputs", TRIGGERS),
         *_found("Serial ports here", [_port_line(port) for port in present.ports]),
         *_found("Backlights here", [_backlight_line(path) for path in _folders(system / "class/backlight")]),
@@ -239,7 +238,7 @@ def list_lines(present: ConnectedDevices) -> list[str]:
 def driver_names() -> list[str]:
     """Return what drivers are called, in the order of the list, each once."""
     kinds = [known_drivers(kind) for kind in InstrumentKind]
-    return list(dict.fromkeys(name for drivers in (*kinds, LIGHT_SAMPLERS) for name in drivers))
+    return list(dict.fromkeys(name for drivers in kinds for name in drivers))
 
 
 def missing_lines() -> Iterable[str]:

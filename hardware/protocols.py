@@ -244,52 +244,6 @@ class PowerMeter(ContextManaged, Protocol):
         """Return what the instrument says of itself: model, serial number, firmware, settings."""
 
 
-@dataclass(frozen=True, slots=True)
-class LightStream:
-    """What a sampler of light gives."""
-
-    rate: float  # samples each second, by its own clock [Hz]
-    full_scale: float | None  # value at which it saturates; None if unknown
-    dc_coupled: bool  # whether steady light reads as such; not so at the input of a sound card
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class LightBlock:
-    """Samples of light that came together; a sample that was lost is missing."""
-
-    times: NDArray[np.float64]  # (N,), rising, on the sampler's clock [s]
-    values: NDArray[np.float64]  # (N,), on its own scale
-    received: float  # when the last had arrived, on the computer's clock [s]
-
-
-class LightSampler(ContextManaged, Protocol):
-    """A photodiode, or whatever else tells light fast enough to see it change."""
-
-    def start(self, rate: float | None) -> LightStream:
-        """Begin to sample at a rate [Hz], its own if None, and return what comes.
-
-        Raises
-        ------
-        InstrumentError
-            If it has no such rate, or refuses.
-        """
-
-    def samples(self) -> Sequence[LightBlock]:
-        """Return the blocks that came since the last call, in order; return at once.
-
-        Raises
-        ------
-        InstrumentError
-            If the link is broken, or nothing comes any more.
-        """
-
-    def ping(self) -> ClockPing | None:
-        """Return one comparison of the sampler's clock with the computer's; None where it answers none."""
-
-    def apparatus(self) -> dict[str, str]:
-        """Return what the sampler says of itself."""
-
-
 class TriggerOutput(ContextManaged, Protocol):
     """What tells another recorder (EEG, eye tracker, oscilloscope) that something is shown."""
 

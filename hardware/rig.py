@@ -10,12 +10,11 @@ from typing import TYPE_CHECKING, Any
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.driver import SIMULATED, NamedDriver, named_driver, own_simulation
-from evenlight.hardware.driver_table import BOARD, IMPORTED, LIGHT_SAMPLERS, NO_BACKLIGHT, TRIGGERS
+from evenlight.hardware.driver_table import BOARD, IMPORTED, NO_BACKLIGHT, TRIGGERS
 from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import (
     Backlight,
-    LightSampler,
     LuminanceMeter,
     PowerMeter,
     TriggerOutput,
@@ -172,18 +171,6 @@ def open_swept_backlight(
     As `open_backlight`, but for the curve: a known one is not used, and none is needed.
     """
     return _open_device(rig, clock, simulation, curve_known=True)
-
-
-def open_light_sampler(
-    name: str, clock: Callable[[], float], simulation: Simulation | None = None
-) -> LightSampler:
-    """Return a sampler of light, open; parameters and errors as of `open_power_meter`."""
-    named = named_driver(name, LIGHT_SAMPLERS, "sampler of light")
-    driver = named.driver.load()
-    sampler: LightSampler = (
-        driver(simulation or own_simulation(clock)) if name == SIMULATED else driver(named.address, clock)
-    )
-    return sampler
 
 
 @contextmanager

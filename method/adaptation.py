@@ -164,7 +164,6 @@ def difference_samples(state: ConeState, luminance: Array, seconds: float) -> tu
 
 
 def _moments(seconds: float) -> tuple[Array, Array]:
-    """Return the nodes of a frame [s], and their weights [s]."""
     place, share = (1 + _NODES) / 2, _WEIGHTS / 2
     lengths = [NEURAL_TIME]
     while sum(lengths) < seconds * (1 - 1e-12):
@@ -177,44 +176,18 @@ def _moments(seconds: float) -> tuple[Array, Array]:
     return np.concatenate(nodes), np.concatenate(weights)
 
 
-def adapting(
-    luminance: NDArray[np.floating], durations: Array, start: ConeState | None = None
-) -> Iterator[tuple[Array, Array]]:
+def adapting(luminance: NDArray[np.floating], durations: Array) -> Iterator[tuple[Array, Array]]:
     """Yield `difference_samples` of each frame of a video, the cones adapting from frame to frame.
 
     Parameters
     ----------
     luminance : array, (N, ...)
-        L of each frame and pixel [cd/m^2].
+        L of each frame and pixel [cd/m^2]; the cones have adapted to the first frame when it appears.
     durations : array, (N,)
         How long each frame is shown [s].
-    start : ConeState, optional
-        Before the first frame; without it, adapted to that frame.
     """
-    state = adapted(luminance[0]) if start is None else start
+    state = adapted(luminance[0])
     for frame, seconds in zip(luminance, durations.tolist(), strict=True):
         goal = np.asarray(frame, dtype=np.float64)
         yield difference_samples(state, goal, seconds)
         state = state_after(state, goal, seconds)
-
-
-def response_differences(luminance: NDArray[np.floating], durations: ArrayLike) -> Array:
-    """Return the time integral of |static - dynamic response| over each frame.
-
-    Parameters
-    ----------
-    luminance : array, (N, ...)
-        L of each frame and pixel [cd/m^2]; the cones have adapted to the first frame when it appears.
-    durations : array_like, (N,)
-        How long each frame is shown [s].
-
-    Returns
-    -------
-    array, (N, ...)
-        [s]: the response is a pure number.
-
-    >>> response_differences(np.full((3, 2), 50.0), [0.04, 0.04, 0.04]).max().item()  # nothing changes
-    0.0
-    """
-    shown = np.asarray(durations, dtype=np.float64)
-    return np.stack([np.tensordot(weights, parts, axes=1) for parts, weights in adapting(luminance, shown)])

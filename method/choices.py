@@ -26,8 +26,6 @@ class SolverName(enum.Enum):
 
     SPLITTING = "splitting"  # the default: any length, with a certificate
     SLSQP = "slsqp"  # the paper's, for short clips
-    HIGHS = "highs"  # a sequence of linear programs, each solved by HiGHS
-    CLARABEL = "clarabel"  # the same by Clarabel
 
 
 class ObjectiveName(enum.Enum):
@@ -48,20 +46,14 @@ class Device(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class AnalysisEffort:
-    """How much of a video is counted, on how many cores or on the graphics processor."""
+    """On how many cores a video is analysed, or on the graphics processor."""
 
-    # largest error of contrast loss, at the knots of its curve, that is accepted for not counting all bands
-    # of every frame; with 0, all are counted
-    tolerance: float = 0.0
     # how many frames are analysed at a time, each on a core of its own, beside the decoding of those that
     # follow; 0 for one on each core. The result is the same, byte for byte.
     jobs: int = 1
-    # what counts; the graphics processor counts all bands of every frame, whatever the tolerance
     device: Device = Device.CPU
 
     def __post_init__(self) -> None:
-        if not 0 <= self.tolerance < 1:
-            raise ValueError(f"tolerance must lie in 0 to below 1, got {self.tolerance:g}")
         if self.jobs < 0:
             raise ValueError(f"jobs must be 0 (all cores) or more, got {self.jobs}")
 
@@ -76,4 +68,4 @@ class AnalysisEffort:
 # Share of the gain to give up for a calmer track, unless asked otherwise; 0 is the paper's exact problem
 # (docs/decisions/calm-tracks.md).
 DEFAULT_CALM = 0.05
-FULL_ANALYSIS = AnalysisEffort()  # all of every frame, on one core
+ONE_CORE = AnalysisEffort()

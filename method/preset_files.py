@@ -126,7 +126,6 @@ def preset_names(kind: str) -> list[str]:
 def _load(
     name_or_path: str | PathLike[str], kind: str, suffix: str, read: Callable[[Path], Record]
 ) -> Record:
-    """Return a preset if there is one of that name, else read the file."""
     name_or_path, known = os.fspath(name_or_path), preset_names(kind)
     if name_or_path in known:
         return read(PRESETS / f"{name_or_path}.{kind}.{suffix}")

@@ -28,7 +28,7 @@ class PsychometricFunction:
 
     ψ(x) = γ + (1 - γ - λ) F(x), x = ln(rate), F logistic. Its place is given by the rate at which ψ itself,
     asymptotes included, is 75 %: what the paper calls detected in 75 % of the trials
-    (docs/decisions/threshold-definition.md).
+    (docs/decisions/threshold-definition.md). A function can be called: `function(rate)` is ψ there.
     """
 
     threshold: float  # rate at which P("yes") = 0.75 [cd/m^2/s]
@@ -43,6 +43,25 @@ class PsychometricFunction:
         for name, limit in (("guess_rate", THRESHOLD_PROBABILITY), ("lapse_rate", 1 - THRESHOLD_PROBABILITY)):
             if not 0 <= getattr(self, name) < limit:
                 raise ValueError(f"{name} must lie in 0 to below {limit:g}, got {getattr(self, name):g}")
+
+    def __call__(self, rate: ArrayLike) -> NDArray[np.float64]:
+        """Return ψ for ramps of a rate [cd/m^2/s], as `yes_probability`.
+
+        >>> PsychometricFunction(threshold=2.0, width=1.5)([0.0, 2.0]).tolist()
+        [0.0, 0.75]
+        """
+        return yes_probability(rate, self)
+
+    @property
+    def slope(self) -> float:
+        """How steeply ψ rises at the threshold: dψ / d ln(rate).
+
+        >>> PsychometricFunction(threshold=2.0, width=2 * np.log(19.0)).slope  # F (1 - F) at F = 0.75
+        0.1875
+        """
+        rise = 1 - self.guess_rate - self.lapse_rate
+        share = float(special.expit(self.threshold_logit))
+        return float(rise * share * (1 - share) * WIDTH_LOGITS / self.width)
 
     @property
     def threshold_logit(self) -> float:
@@ -203,5 +222,4 @@ def d_prime(
 
 
 def _density(z: float) -> float:
-    """Return the density of the standard normal distribution."""
     return math.exp(-0.5 * z * z) / math.sqrt(2 * math.pi)

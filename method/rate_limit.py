@@ -36,8 +36,7 @@ def rate_limit_at(
 
     "Detected" is answered "yes" (yes/no) or identified correctly (2IFC): `limit.procedure` says which.
 
-    Outside the measured luminances the polynomial means nothing. Below them the relative rate ΔL/L is held
-    (thresholds are near-Weber), above them the rate is (see docs/decisions/rate-limit-outside-its-range.md).
+    Outside the measured luminances it is held, as `RateLimit` says, which this calls for the fitted curve.
 
     Parameters
     ----------
@@ -62,23 +61,12 @@ def rate_limit_at(
     >>> rate_limit_at(flat, [5.0, 10.0, 50.0, 200.0]).tolist()
     [1.0, 2.0, 2.0, 2.0]
     """
+    if curve is LimitCurve.FITTED:
+        return limit(luminance)
     values = np.asarray(luminance, dtype=np.float64)
     low, high = limit.luminance_range
-    inside = np.clip(values, low, high)
-    rate = _fitted(limit, inside) if curve is LimitCurve.FITTED else _lower_edge(limit, inside)
+    rate = _lower_edge(limit, np.clip(values, low, high))
     return np.asarray(rate * (np.minimum(values, low) / low))
-
-
-def _fitted(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the polynomial's rate within the measured luminances."""
-    low, high = limit.luminance_range
-    if limit.form is RateLimitForm.LOG_LOG:
-        luminance, low, high = np.log(luminance), float(np.log(low)), float(np.log(high))
-    position = (2 * luminance - low - high) / ((high - low) or 1.0)  # of one luminance: 0
-    value = legendre.legval(position, np.asarray(limit.coefficients))
-    if limit.form is RateLimitForm.RATE:
-        return np.asarray(np.maximum(value, 0.0))
-    return np.asarray(np.exp(value))
 
 
 def _lower_edge(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -178,7 +166,6 @@ def _held_outside(
 
 
 def _scalar_lower_edge(limit: RateLimit) -> ScalarRateLimit:
-    """Return the lower edge of the band as a function of one luminance."""
     at, lower = limit.band_luminance, limit.band_lower
 
     def rate(luminance: float) -> float:
@@ -188,7 +175,6 @@ def _scalar_lower_edge(limit: RateLimit) -> ScalarRateLimit:
 
 
 def _scalar_polynomial(limit: RateLimit) -> ScalarRateLimit:
-    """Return the fitted polynomial as a function of one luminance."""
     falling = [float(c) for c in legendre.leg2poly(np.array(limit.coefficients))[::-1]]
     low, high = limit.luminance_range
     if limit.form is RateLimitForm.LOG_LOG:
@@ -323,7 +309,6 @@ def furthest_factor(
 def _largest_step(
     factor: float, goal: float, luminance: tuple[float, float], seconds: float, rate_limit: ScalarRateLimit
 ) -> float:
-    """Return by how much the factor may change."""
     size, way = abs(goal - factor), (1.0 if goal > factor else -1.0)
     before, after = luminance
     mean = (before + after) / 2

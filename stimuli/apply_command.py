@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import asked, output
+from evenlight.option_panels import asked, expert, output
 from evenlight.progress import shown_progress
 from evenlight.stimuli.dimmed.apply_options import AppliedVersion, Codec, DimmedFile
 
@@ -37,13 +37,13 @@ def apply(
     ] = None,
     display: Annotated[
         str | None,
-        asked(help="Display of an older track, which does not name it itself: a preset or a toml file."),
+        expert(help="Display of an older track, which does not name it itself: a preset or a toml file."),
     ] = None,
     fps: Annotated[
-        float | None, asked(help="Frames per second of images or a sequence. Otherwise the track's.")
+        float | None, expert(help="Frames per second of images or a sequence. Otherwise the track's.")
     ] = None,
     other_video_ok: Annotated[
-        bool, asked("--other-video-ok", help="Accept another video that has the same frame times.")
+        bool, expert("--other-video-ok", help="Accept another video that has the same frame times.")
     ] = False,
     force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
@@ -53,7 +53,7 @@ def apply(
     from evenlight.stimuli.dimmed.apply_video import apply_track
     from evenlight.stimuli.dimmed.encoders import codec_for
     from evenlight.stimuli.dimmed.matched_track import match_track
-    from evenlight.stimuli.video.remote_file import is_url, local_name
+    from evenlight.stimuli.video.video_locations import is_url, local_name
 
     video = local_name(video)
     encoding = codec_for(out, codec)
@@ -70,10 +70,9 @@ def apply(
 
 
 def _video_of(name: str, track: Path, fps: float | None) -> VideoSource:
-    """Return a video; one without a frame rate of its own gets the track's, unless another is given."""
     from evenlight.data_schema.tracks.loaded_track import frame_durations, load_track
     from evenlight.stimuli.sequences import is_sequence, open_video
-    from evenlight.stimuli.video.remote_file import is_url
+    from evenlight.stimuli.video.video_locations import is_url
     from evenlight.stimuli.video.video_source import rate_from_number
 
     path = Path(name)
@@ -85,7 +84,6 @@ def _video_of(name: str, track: Path, fps: float | None) -> VideoSource:
 def _say(
     video: VideoSource, matched: MatchedTrack, version: AppliedVersion, out: Path, left_out: list[str]
 ) -> None:
-    """Print what was written, and what of the video's file was not."""
     loaded, factors = matched.loaded, matched.loaded.track.factors
     ours = f"dimmed by its track, factors {factors.min():.3g} to {factors.max():.3g}"
     constant = f"constant factor {loaded.baseline:.4g}, {loaded.source_of_baseline}"

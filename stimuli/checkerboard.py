@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
-from evenlight.stimuli.sequence_format import SequenceFormat, on_grid
+from evenlight.stimuli.sequence_format import BuiltInSequence, on_grid
 
 VERSION = 1  # to be raised when the pictures change
 # Three boards side by side: share of the width they end at, and tiles on the height.
@@ -18,34 +18,17 @@ BOARDS = ((0.375, 6), (0.75, 12), (1.0, 24))
 
 
 @dataclass(frozen=True, slots=True)
-class Checkerboard:
+class Checkerboard(BuiltInSequence):
     """Checkerboards of three tile sizes, whose white tiles fade to black.
 
     The pixel value of the white tiles falls at a constant rate, from 1 in the first frame to 0 in the last:
     even steps of gray, as they look, not even steps of light.
-
-    Attributes
-    ----------
-    format : SequenceFormat
-        Size, length and rate.
     """
-
-    format: SequenceFormat = field(default_factory=SequenceFormat)
 
     @property
     def name(self) -> str:
         """Short name for titles."""
         return "checkerboard"
-
-    @property
-    def n_frames(self) -> int:
-        """How many frames there are."""
-        return self.format.n_frames
-
-    @property
-    def field_of_view(self) -> float:
-        """Angle that the width is to span for the viewer [deg]."""
-        return self.format.field_of_view
 
     def sha256(self) -> str:
         """Return the SHA-256 of the sequence's definition."""

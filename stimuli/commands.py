@@ -75,7 +75,6 @@ def render(
 
 
 def _say_geometry(name: str, made: SequenceFormat) -> None:
-    """Print how large a sequence was rendered to be seen."""
     from evenlight.stimuli.video.viewing_geometry import geometry_words, pixels_per_degree_in
 
     seen = geometry_words(made.field_of_view, pixels_per_degree_in(made.field_of_view, made.width))
@@ -83,7 +82,6 @@ def _say_geometry(name: str, made: SequenceFormat) -> None:
 
 
 def _watched(frames: Iterable[Frame], light: list[tuple[float, float]]) -> Iterator[Frame]:
-    """Yield frames, and note of each the mean luminance [cd/m^2] and the share of pixels that are dark."""
     import numpy as np
 
     from evenlight.stimuli.scenes.engine.graphics import PEAK
@@ -98,7 +96,6 @@ def _watched(frames: Iterable[Frame], light: list[tuple[float, float]]) -> Itera
 
 
 def _warn_if_dark(scene: str, light: list[tuple[float, float]]) -> None:
-    """Say it if there is little to be seen in a film."""
     mean, dark = (sum(values) / len(light) for values in zip(*light, strict=True))
     if mean < DIM or dark > 0.5:
         typer.echo(
@@ -109,7 +106,6 @@ def _warn_if_dark(scene: str, light: list[tuple[float, float]]) -> None:
 
 
 def _export(name: str, path: Path | None, out: Path, force: bool) -> None:
-    """Write a scene as a .glb file, and the walk through it if there is one beside it."""
     from evenlight.data_schema.storage.whole_files import write_whole
     from evenlight.stimuli.scenes.content.catalogue import (
         SCENES,

@@ -31,31 +31,6 @@ GRID_LEVELS, DEEP_LEVELS = 1024, 65536
 GRID = ((np.arange(GRID_LEVELS) * 65535 + 511) // 1023).astype(np.uint16)
 
 
-def dithered_codes(
-    luminance: ArrayLike, thresholds: NDArray[np.uint32], display: Display, bits: int
-) -> NDArray[np.int64]:
-    """Return the codes that are drawn for a luminance: the upper neighbour where the threshold is below.
-
-    Parameters
-    ----------
-    luminance : array_like, broadcast with `thresholds`
-        L, reflected light included [cd/m^2].
-    thresholds : array of uint32, (height, width)
-        Of each pixel, below `LEVELS`, as `thresholds_of` makes them.
-    display : Display
-        The display.
-    bits : int
-        Bits of a code.
-
-    >>> lab = Display("lab", 255.0, 0.0, 1.0, pixels_per_degree=60.0)
-    >>> thresholds = np.array([[0, LEVELS // 8], [LEVELS // 4, LEVELS // 2]], np.uint32)
-    >>> dithered_codes(100.25, thresholds, lab, bits=8).tolist()
-    [[101, 101], [100, 100]]
-    """
-    lower, share = neighbouring_codes(luminance, display, bits)
-    return np.asarray(lower + (thresholds < share))
-
-
 def neighbouring_codes(
     luminance: ArrayLike, display: Display, bits: int
 ) -> tuple[NDArray[np.int64], NDArray[np.uint32]]:
@@ -180,7 +155,6 @@ def hashed(columns: ArrayLike, rows: ArrayLike, frame: int, seed: int) -> NDArra
 def _mixed(
     x: NDArray[np.uint32], y: NDArray[np.uint32], z: NDArray[np.uint32], w: NDArray[np.uint32]
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]:
-    """Return four words, each stirred by two others."""
     x = x + y * w
     y = y + z * x
     z = z + x * y

@@ -8,7 +8,7 @@ of the two for each pixel. It works in whole numbers only, so it draws exactly t
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,65 +16,13 @@ from numpy.typing import NDArray
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
+from evenlight.stimuli.shaders import over_all, shader
 
 if TYPE_CHECKING:
     import moderngl
 
 COVERAGE_STEPS = 256  # of uint8
 GL_DITHER, GL_FRAMEBUFFER_SRGB = 0x0BD0, 0x8DB9  # the driver's own, which would change the codes
-
-# One triangle that covers the whole window.
-VERTEX_SHADER = """
-#version 330
-void main() {
-    vec2 corner = vec2((gl_VertexID << 1) & 2, gl_VertexID & 2);
-    gl_Position = vec4(2.0 * corner - 1.0, 0.0, 1.0);
-}
-"""
-
-# The noise is `stimuli.dithering.hashed`: pcg4d of Jarzynski & Olano (2020), in arithmetic modulo 2^32.
-NOISE = """
-uvec4 mixed(uvec4 v) {
-    v.x += v.y * v.w;
-    v.y += v.z * v.x;
-    v.z += v.x * v.y;
-    v.w += v.y * v.z;
-    return v;
-}
-
-uint hashed(uvec4 v) {
-    v = mixed(v * 1664525u + 1013904223u);
-    return mixed(v ^ (v >> 16u)).w;
-}
-"""
-
-FRAGMENT_SHADER = (
-    """
-#version 330
-uniform usampler2D coverage;    // of text: 0 none, 255 all
-uniform usampler2D mixtures;    // for each coverage: lower code, share of the upper one in 2^-24
-uniform usampler2D thresholds;  // in 2^-24, repeated over the window; without noise
-uniform bool noisy;
-uniform int height;             // of the window [pixels]
-uniform uint frame;
-uniform uint seed;
-uniform float highest_code;
-out vec4 colour;
-"""
-    + NOISE
-    + """
-void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    pixel.y = height - 1 - pixel.y;  // rows count from the top
-    uint covered = texelFetch(coverage, min(pixel, textureSize(coverage, 0) - 1), 0).r;
-    uvec2 mixture = texelFetch(mixtures, ivec2(int(covered), 0), 0).rg;
-    uint threshold = noisy ? hashed(uvec4(uvec2(pixel), frame, seed)) >> 8u
-                           : texelFetch(thresholds, pixel % textureSize(thresholds, 0), 0).r;
-    uint code = mixture.x + (threshold < mixture.y ? 1u : 0u);
-    colour = vec4(vec3(float(code) / highest_code), 1.0);
-}
-"""
-)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,8 +54,8 @@ class Field:
         return np.asarray(self.luminance + share * (self.ink - self.luminance))
 
 
-class FieldRenderer:
-    """Draws fields with the codes of one display.
+class CodeRenderer:
+    """What draws with the codes of one display, with or without text over it.
 
     Parameters
     ----------
@@ -121,17 +69,55 @@ class FieldRenderer:
         How luminances between two codes are drawn.
     """
 
+    SHADER: ClassVar[str]  # its name
+    TEXT: ClassVar[str] = "u1"  # kind of the text's texture
+
     def __init__(self, context: moderngl.Context, display: Display, bits: int, dither: Dither) -> None:
         self._context, self._display, self._bits = context, display, bits
-        self._program = context.program(vertex_shader=VERTEX_SHADER, fragment_shader=FRAGMENT_SHADER)
-        self._triangle = context.vertex_array(self._program, [])
-        self._mixtures = context.texture((COVERAGE_STEPS, 1), 2, dtype="u4")
-        self._blank = context.texture((1, 1), 1, bytes(1), alignment=1, dtype="u1")
-        self._text = self._blank
+        self._triangle = over_all(context, shader(self.SHADER))
+        self._program = self._triangle.program
+        self._text = self._blank = context.texture((1, 1), 1, bytes(1), alignment=1, dtype=self.TEXT)
         self._text_source: NDArray[np.uint8] | None = None
         matrix = thresholds_of(Dither.ORDERED if dither is Dither.NOISY_BIT else dither, (8, 8))
         self._thresholds = context.texture((8, 8), 1, matrix.tobytes(), dtype="u4")
         self._set(noisy=dither is Dither.NOISY_BIT, highest_code=float((1 << bits) - 1))
+
+    def _take_text(self, coverage: NDArray[np.uint8] | None) -> None:
+        if coverage is self._text_source:  # it is drawn many times
+            return
+        if self._text is not self._blank:
+            self._text.release()
+        self._text, self._text_source = self._blank, coverage
+        if coverage is not None:
+            size = coverage.shape[::-1]
+            self._text = self._context.texture(size, 1, coverage.tobytes(), alignment=1, dtype=self.TEXT)
+
+    def _begin(self, framebuffer: moderngl.Framebuffer) -> None:
+        import moderngl
+
+        framebuffer.use()
+        self._context.disable(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
+        for state in (GL_DITHER, GL_FRAMEBUFFER_SRGB):
+            self._context.disable_direct(state)
+
+    def _render(self, *textures: moderngl.Texture) -> None:
+        for unit, texture in enumerate(textures):
+            texture.use(unit)
+        self._triangle.render(vertices=3)
+
+    def _set(self, **uniforms: object) -> None:
+        for name, value in uniforms.items():
+            self._program[name].value = value  # type: ignore[union-attr] # they are uniforms, all of them
+
+
+class FieldRenderer(CodeRenderer):
+    """Draws fields with the codes of one display; parameters as of `CodeRenderer`."""
+
+    SHADER = "field"
+
+    def __init__(self, context: moderngl.Context, display: Display, bits: int, dither: Dither) -> None:
+        super().__init__(context, display, bits, dither)
+        self._mixtures = context.texture((COVERAGE_STEPS, 1), 2, dtype="u4")
         self._set(coverage=0, mixtures=1, thresholds=2)
 
     def draw(self, framebuffer: moderngl.Framebuffer, field: Field, frame: int = 0, seed: int = 0) -> None:
@@ -146,36 +132,11 @@ class FieldRenderer:
         frame, seed : int
             Number of the frame, and seed of the dithering noise; both in [0, 2^32).
         """
-        import moderngl
-
         mixtures = np.zeros((COVERAGE_STEPS, 2), dtype=np.uint32)
         lower, share = neighbouring_codes(field.luminances(), self._display, self._bits)
         mixtures[: len(lower), 0], mixtures[: len(lower), 1] = lower, share
         self._mixtures.write(mixtures.tobytes())
         self._take_text(field.coverage)
         self._set(height=framebuffer.height, frame=frame, seed=seed)
-        framebuffer.use()
-        self._context.disable(moderngl.DEPTH_TEST | moderngl.BLEND | moderngl.CULL_FACE)
-        for state in (GL_DITHER, GL_FRAMEBUFFER_SRGB):
-            self._context.disable_direct(state)
-        for unit, texture in enumerate((self._text, self._mixtures, self._thresholds)):
-            texture.use(unit)
-        self._triangle.render(vertices=3)
-
-    def _take_text(self, coverage: NDArray[np.uint8] | None) -> None:
-        """Make a text's texture the one that is drawn; the last one is kept, for it is drawn many times."""
-        if coverage is None:
-            self._text, self._text_source = self._blank, None
-        elif coverage is not self._text_source:
-            if self._text is not self._blank:
-                self._text.release()
-            height, width = coverage.shape
-            self._text = self._context.texture(
-                (width, height), 1, coverage.tobytes(), alignment=1, dtype="u1"
-            )
-            self._text_source = coverage
-
-    def _set(self, **uniforms: float) -> None:
-        """Set uniforms of the shader."""
-        for name, value in uniforms.items():
-            self._program[name].value = value  # type: ignore[union-attr] # they are uniforms, all of them
+        self._begin(framebuffer)
+        self._render(self._text, self._mixtures, self._thresholds)

@@ -38,18 +38,28 @@ def fractal_noise(
     (4, 6)
     """
     total = np.zeros(shape, dtype=np.float32)
-    weight = 1.0
-    for octave in range(octaves):
+    weights = gain ** np.arange(octaves)
+    for octave, weight in enumerate(weights.tolist()):
         down, across = cells[0] << octave, cells[1] << octave
         lattice = rng.random((down + 1, across), dtype=np.float32) - np.float32(0.5)
         rows = _interpolation(shape[0], down, periodic=False)
         columns = _interpolation(shape[1], across, periodic=True)
         total += np.float32(weight) * (rows @ lattice @ columns.T)
-        weight *= gain
     # Value noise of one octave has a standard deviation of about 0.2: this spreads the sum over [0, 1].
-    spread = np.sqrt(sum(gain ** (2 * octave) for octave in range(octaves)))
-    total /= np.float32(1.3 * spread)
+    total /= np.float32(1.3 * np.linalg.norm(weights))
     return total + np.float32(0.5)
+
+
+def _interpolation(samples: int, cells: int, periodic: bool) -> NDArray[np.float32]:
+    position = (np.arange(samples) + 0.5) * cells / samples
+    below = np.floor(position).astype(np.intp)
+    share = position - below
+    share = share * share * share * (share * (6 * share - 15) + 10)  # Perlin (2002): no creases at cells
+    matrix = np.zeros((samples, cells if periodic else cells + 1), dtype=np.float32)
+    matrix[np.arange(samples), below] = 1 - share
+    above = (below + 1) % cells if periodic else below + 1
+    matrix[np.arange(samples), above] += share
+    return matrix
 
 
 def ridged(noise: NDArray[np.floating[Any]]) -> NDArray[np.floating[Any]]:
@@ -67,16 +77,3 @@ def smoothstep(values: NDArray[np.floating[Any]], low: float, high: float) -> ND
     share: NDArray[np.floating[Any]] = np.clip((values - np.float32(low)) / np.float32(high - low), 0, 1)
     share *= share * (3 - 2 * share)
     return share
-
-
-def _interpolation(samples: int, cells: int, periodic: bool) -> NDArray[np.float32]:
-    """Return the matrix that interpolates lattice values at the centres of the samples, smoothly."""
-    position = (np.arange(samples) + 0.5) * cells / samples
-    below = np.floor(position).astype(np.intp)
-    share = position - below
-    share = share * share * share * (share * (6 * share - 15) + 10)  # Perlin (2002): no creases at cells
-    matrix = np.zeros((samples, cells if periodic else cells + 1), dtype=np.float32)
-    matrix[np.arange(samples), below] = 1 - share
-    above = (below + 1) % cells if periodic else below + 1
-    matrix[np.arange(samples), above] += share
-    return matrix

@@ -6,11 +6,11 @@ an item of a list, and `**` encloses what is bold. Paragraphs that run from righ
 
 from __future__ import annotations
 
-import dataclasses
+import math
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,14 +19,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.stimuli.ramp import reachable_luminances
-from evenlight.stimuli.typesetting import (
-    Word,
-    draw_line,
-    line_width,
-    require_letters,
-    runs_to_left,
-    words_of,
-)
+from evenlight.stimuli.typesetting import Line, Word, require_letters, runs_to_left, words_of
 
 # Sizes are shares of the page's height, or multiples of the size of the text (em).
 TEXT_SIZE = 1 / 24  # of the height
@@ -45,26 +38,13 @@ DARK_TEXT = 25.0  # ratio of dark text where the display has it
 BRIGHT_TEXT = 10.0  # of bright text: more would glare on a dark ground
 
 
-@dataclass(frozen=True, slots=True)
-class Block:
-    """A title, a paragraph or an item of a list.
-
-    Attributes
-    ----------
-    words : tuple of Word
-        Its words.
-    title : bool
-        Whether it is the title.
-    mark : str
-        What stands before an item of a list; empty for none.
-    to_left : bool
-        Whether it runs from right to left.
-    """
+class Block(NamedTuple):
+    """A title, a paragraph or an item of a list."""
 
     words: tuple[Word, ...]
     title: bool = False
-    mark: str = ""
-    to_left: bool = False
+    mark: str = ""  # what stands before an item of a list; empty for none
+    to_left: bool = False  # whether it runs from right to left
 
 
 def page_blocks(text: str) -> tuple[Block, ...]:
@@ -96,7 +76,6 @@ def beginning(text: str) -> str:
 
 
 def _blocks(text: str) -> Iterator[Block]:
-    """Yield the blocks of a text."""
     page_to_left = runs_to_left(text)
     for paragraph in re.split(r"\n\s*\n", text.strip()):
         for part in re.split(r"\n(?=\s*(?:-|\d+\.|#+)\s)", paragraph):
@@ -108,38 +87,6 @@ def _blocks(text: str) -> Iterator[Block]:
             else:
                 mark = "•" if begun[2] else begun[3] or ""
                 yield Block(words_of(begun[4]), bool(begun[1]), mark, to_left)
-
-
-@dataclass(frozen=True, slots=True)
-class Line:
-    """A line of type.
-
-    Attributes
-    ----------
-    x, y : float
-        Where its baseline begins, from the left (the right, of one that runs to the left) and the top of the
-        text [pixels].
-    words : tuple of Word
-        What it says.
-    size : int
-        Of its letters [pixels].
-    font : Path or None
-        A lab's own font.
-    to_left : bool
-        Whether it runs from right to left.
-    """
-
-    x: float
-    y: float
-    words: tuple[Word, ...]
-    size: int
-    font: Path | None = None
-    to_left: bool = False
-
-    @property
-    def width(self) -> float:
-        """Its width [pixels]."""
-        return line_width(self.words, self.size, self.font, self.to_left)
 
 
 def page_image(
@@ -168,18 +115,13 @@ def page_image(
     InputError
         If the text is empty, does not fit, or has letters that the font lacks.
     """
-    blocks = page_blocks(_checked(text, font))
-    width, height = size[0] * (1 - 2 * MARGIN), size[1] * (1 - 2 * MARGIN)
-    for em in _sizes(size[1]):
-        column = min(MEASURE * em, width)
-        lines, depth = _set(blocks, em, column, Look(TITLE_SIZE, font=font))
-        room = height - (2 * LINE_HEIGHT * em if footer else 0)
-        if depth <= room and _widest(lines) <= column:
-            widest = _widest(lines)
-            top = size[1] * MARGIN + OPTICAL_CENTRE * (room - depth)
-            image = _drawn(_from_left(lines, widest), ((size[0] - widest) / 2, top), size)
-            return np.maximum(image, _foot(footer, em, size, font)) if footer else image
-    raise _too_long(text, size)
+    foot = 2 * LINE_HEIGHT if footer else 0.0
+    fitted = _fitted(text, size, Look(TITLE_SIZE, font=font), size[1], MEASURE, foot)
+    widest = _widest(fitted.lines)
+    top = size[1] * MARGIN + OPTICAL_CENTRE * (size[1] * (1 - 2 * MARGIN) - foot * fitted.em - fitted.depth)
+    lines = [line._replace(x=widest - line.x - line.width) if line.to_left else line for line in fitted.lines]
+    image = _drawn(lines, ((size[0] - widest) / 2, top), size)
+    return np.maximum(image, _foot(footer, fitted.em, size, font)) if footer else image
 
 
 def centred_image(
@@ -209,59 +151,69 @@ def centred_image(
     array of uint8, (height, width)
         As from `page_image`, which also says what is refused.
     """
-    first, *others = page_blocks(_checked(text, font))
-    blocks = (dataclasses.replace(first, title=True, mark=""), *others)
     look = Look(scale, bold_title=False, font=font)
-    width, height = size[0] * (1 - 2 * MARGIN), size[1] * (1 - 2 * MARGIN)
-    for em in _sizes(page_height or size[1]):
-        lines, depth = _set(blocks, em, width, look)
-        if depth <= height and _widest(lines) <= width:
-            lines = _balanced(blocks, em, look, lines)
-            middle = [dataclasses.replace(line, x=(size[0] - line.width) / 2) for line in lines]
-            return _drawn(middle, (0.0, (size[1] - depth) / 2), size)
-    raise _too_long(text, size)
+    fitted = _fitted(text, size, look, page_height or size[1])
+    lines = fitted.lines
+    while True:  # the narrowest column that needs no more lines: no word is alone
+        narrower, _ = _set(fitted.blocks, fitted.em, 0.98 * _widest(lines), look)
+        if len(narrower) > len(lines) or _widest(narrower) >= _widest(lines):
+            break
+        lines = narrower
+    middle = [line._replace(x=(size[0] - line.width) / 2) for line in lines]
+    return _drawn(middle, (0.0, (size[1] - fitted.depth) / 2), size)
 
 
-@dataclass(frozen=True, slots=True)
-class Look:
+class Look(NamedTuple):
     """How the blocks of a text look."""
 
     title_size: float  # in multiples of the text's
-    bold_title: bool = True
+    bold_title: bool = True  # else the first block is the title, in plain letters
     font: Path | None = None  # a lab's own
 
 
-def _balanced(blocks: Sequence[Block], em: int, look: Look, lines: list[Line]) -> list[Line]:
-    """Return the lines of a question in the narrowest column that needs no more of them: no word is alone."""
-    while True:
-        narrower, _ = _set(blocks, em, 0.98 * _widest(lines), look)
-        if len(narrower) > len(lines) or _widest(narrower) >= _widest(lines):
-            return lines
-        lines = narrower
+class Fitted(NamedTuple):
+    """A text in the largest letters in which it fits."""
+
+    blocks: Sequence[Block]
+    em: int  # size of the letters [pixels]
+    lines: list[Line]
+    depth: float  # how deep they reach [pixels]
 
 
-def _checked(text: str, font: Path | None) -> str:
-    """Return a text, or refuse it if it cannot be set."""
+def _fitted(
+    text: str,
+    size: tuple[int, int],
+    look: Look,
+    page_height: int,
+    measure: float = math.inf,
+    foot: float = 0.0,
+) -> Fitted:
+    _require_letters(text, look.font)
+    blocks = page_blocks(text)
+    if not look.bold_title:
+        blocks = (blocks[0]._replace(title=True, mark=""), *blocks[1:])
+    width, height = (side * (1 - 2 * MARGIN) for side in size)
+    preferred = max(SMALLEST_PIXELS, round(page_height * TEXT_SIZE))
+    for em in range(preferred, max(SMALLEST_PIXELS, round(preferred * SMALLEST_SHARE)) - 1, -1):
+        column = min(measure * em, width)
+        lines, depth = _set(blocks, em, column, look)
+        if depth <= height - foot * em and _widest(lines) <= column:
+            return Fitted(blocks, em, lines, depth)
+    raise _too_long(text, size)
+
+
+def _require_letters(text: str, font: Path | None) -> None:
     require_letters(text, font, beginning(text) if text.strip() else "")
-    return text
 
 
 def _too_long(text: str, size: tuple[int, int]) -> InputError:
-    """Return the error of a text that does not fit."""
     return InputError(
         f"the page {beginning(text)} does not fit on {size[0]} x {size[1]} pixels in letters that can be "
         "read; shorten it, or make two pages of it"
     )
 
 
-def _sizes(height: int) -> Iterator[int]:
-    """Yield sizes of letters to try, from the preferred one to the smallest [pixels]."""
-    preferred = max(SMALLEST_PIXELS, round(height * TEXT_SIZE))
-    yield from range(preferred, max(SMALLEST_PIXELS, round(preferred * SMALLEST_SHARE)) - 1, -1)
-
-
 def _set(blocks: Sequence[Block], em: int, column: float, look: Look) -> tuple[list[Line], float]:
-    """Return the lines of a text in a column [pixels], and how deep they reach [pixels]."""
     lines: list[Line] = []
     depth = 0.0
     for index, block in enumerate(blocks):
@@ -270,29 +222,25 @@ def _set(blocks: Sequence[Block], em: int, column: float, look: Look) -> tuple[l
         if index:
             depth += em * (ITEM_GAP if in_list else PARAGRAPH_GAP)
             depth += em * TITLE_GAP * (blocks[index - 1].title and look.bold_title)
-        indent = INDENT * em if block.mark else 0.0
-        words = _emboldened(block.words) if block.title and look.bold_title else block.words
+        words = block.words
+        if block.title and look.bold_title:
+            words = tuple(tuple((piece, True) for piece, _ in word) for word in words)
         leading = size * (LINE_HEIGHT if not block.title else 1.25)
-        line = Line(indent, 0.0, (), size, look.font, block.to_left)
+        indent = INDENT * em if block.mark else 0.0
+        line = Line((), size, look.font, block.to_left, indent)
         for number, row in enumerate(_wrapped(words, line, column - indent)):
             depth += leading
             baseline = depth - (leading - size) / 2 - 0.2 * size  # letters reach 0.2 em below their baseline
             if block.mark and number == 0:
-                lines.append(dataclasses.replace(line, x=0.0, y=baseline, words=words_of(block.mark)))
-            lines.append(dataclasses.replace(line, y=baseline, words=row))
+                lines.append(line._replace(x=0.0, y=baseline, words=words_of(block.mark)))
+            lines.append(line._replace(y=baseline, words=row))
     return lines, depth
 
 
-def _emboldened(words: tuple[Word, ...]) -> tuple[Word, ...]:
-    """Return words with every piece bold."""
-    return tuple(tuple((piece, True) for piece, _ in word) for word in words)
-
-
 def _wrapped(words: Sequence[Word], line: Line, column: float) -> Iterator[tuple[Word, ...]]:
-    """Yield the words of lines like a given one, each as long as the column [pixels] allows."""
     row: list[Word] = []
     for word in words:
-        if row and dataclasses.replace(line, words=(*row, word)).width > column:
+        if row and line._replace(words=(*row, word)).width > column:
             yield tuple(row)
             row = []
         row.append(word)
@@ -300,33 +248,22 @@ def _wrapped(words: Sequence[Word], line: Line, column: float) -> Iterator[tuple
 
 
 def _widest(lines: Sequence[Line]) -> float:
-    """Return how far the lines reach from where they begin [pixels]."""
     return max(line.x + line.width for line in lines)
 
 
-def _from_left(lines: Sequence[Line], widest: float) -> list[Line]:
-    """Return lines with the places of their left ends, in a text of some width [pixels]."""
-    return [
-        dataclasses.replace(line, x=widest - line.x - line.width) if line.to_left else line for line in lines
-    ]
-
-
 def _drawn(lines: Sequence[Line], origin: tuple[float, float], size: tuple[int, int]) -> NDArray[np.uint8]:
-    """Return lines as an image, the text's upper left corner at `origin`."""
     from PIL import Image, ImageDraw
 
     image = Image.new("L", size, 0)
     draw = ImageDraw.Draw(image)
     for line in lines:
-        at = origin[0] + line.x, round(origin[1] + line.y)
-        draw_line(draw, at, (line.words, line.size, line.to_left), line.font)
+        line.draw(draw, (origin[0] + line.x, round(origin[1] + line.y)))
     return np.asarray(image, dtype=np.uint8)
 
 
 def _foot(footer: str, em: int, size: tuple[int, int], font: Path | None) -> NDArray[np.uint8]:
-    """Return the line at the foot of a page, in the middle and less strong than the text."""
-    words = words_of(_checked(footer, font))
-    line = Line(0.0, 0.0, words, round(FOOTER_SIZE * em), font, runs_to_left(footer))
+    _require_letters(footer, font)
+    line = Line(words_of(footer), round(FOOTER_SIZE * em), font, runs_to_left(footer))
     if line.width > size[0] * (1 - 2 * MARGIN):
         raise _too_long(footer, size)
     image = _drawn([line], ((size[0] - line.width) / 2, size[1] * (1 - MARGIN)), size)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.stimuli.video.video_source import rate_from_number
+from evenlight.stimuli.video.video_source import VideoSource, rate_from_number
 
 ENCODING_GAMMA = 2.2
 # Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.
@@ -70,19 +70,27 @@ class SequenceFormat:
         return [(float(k / self.rate), float(1 / self.rate)) for k in range(self.n_frames)]
 
 
-def encoded_light(light: ArrayLike) -> NDArray[np.uint16]:
-    """Return the pixel values L' that make a display of gamma 2.2 emit some light, over the 16-bit range.
+@dataclass(frozen=True, slots=True)
+class BuiltInSequence(VideoSource):
+    """A video that is rendered in a format of choice.
 
-    Parameters
+    Attributes
     ----------
-    light : array_like, any shape
-        Linear light as a share of the display's peak; what is outside [0, 1] is clipped.
-
-    >>> encoded_light([0.0, (1 / 3) ** 2.2, 1.0]).tolist()
-    [0, 21845, 65535]
+    format : SequenceFormat
+        Size, length and rate.
     """
-    shares = np.clip(np.asarray(light, dtype=np.float32), 0, 1)
-    return on_grid(np.power(shares, np.float32(1 / ENCODING_GAMMA)))
+
+    format: SequenceFormat
+
+    @property
+    def n_frames(self) -> int:
+        """How many frames there are."""
+        return self.format.n_frames
+
+    @property
+    def field_of_view(self) -> float:
+        """Angle that the width is to span for the viewer [deg]."""
+        return self.format.field_of_view
 
 
 def on_grid(pixel_values: ArrayLike) -> NDArray[np.uint16]:

@@ -8,31 +8,17 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
-from typing import Protocol
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.checkerboard import Checkerboard
 from evenlight.stimuli.scenes.content.catalogue import is_scene_file
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
-from evenlight.stimuli.sequence_format import SequenceFormat
+from evenlight.stimuli.sequence_format import BuiltInSequence, SequenceFormat
 from evenlight.stimuli.sunrise import Sunrise
-from evenlight.stimuli.video.remote_file import RemoteFile, is_url, local_name, shown_name
+from evenlight.stimuli.video.video_locations import RemoteFile, is_url, local_name, shown_name
 from evenlight.stimuli.video.video_source import VideoSource
 from evenlight.stimuli.video.viewing_geometry import field_of_view_on
-
-
-class BuiltInSequence(VideoSource, Protocol):
-    """A video that is rendered in a format of choice."""
-
-    @property
-    def format(self) -> SequenceFormat:
-        """Size, length and rate."""
-
-    @property
-    def field_of_view(self) -> float:
-        """Angle that the width is to span for the viewer [deg]."""
-
 
 # Camera paths through scenes that serve as sequences.
 WALKS = ("library", "gym", "living_room", "basement", "house")
@@ -103,14 +89,14 @@ def built_in_sequence(
         raise InputError(f"cannot render {name}: {error}") from error
 
 
-def open_videos(names: Sequence[str], frames_per_second: float | None = None) -> tuple[VideoSource, ...]:
+def open_videos(names: Sequence[str], fps: float | None = None) -> tuple[VideoSource, ...]:
     """Return the videos of some names; those without a frame rate of their own get the one given.
 
     Parameters
     ----------
     names : sequence of str
         As in `open_video`.
-    frames_per_second : float, optional
+    fps : float, optional
         Frame rate of folders of images and of built-in sequences [Hz].
 
     Raises
@@ -120,20 +106,19 @@ def open_videos(names: Sequence[str], frames_per_second: float | None = None) ->
     """
     own = [_has_its_rate(name) for name in names]
     return tuple(
-        open_video(name, None if has_rate and not all(own) else frames_per_second)
+        open_video(name, None if has_rate and not all(own) else fps)
         for name, has_rate in zip(names, own, strict=True)
     )
 
 
 def _has_its_rate(name: str) -> bool:
-    """Return whether a name is that of a video file."""
     if is_url(name := local_name(name)):
         return True
     path = Path(name)
     return path.exists() and not path.is_dir() and path.suffix != ".json"
 
 
-def open_video(name: str, frames_per_second: float | None = None) -> VideoSource:
+def open_video(name: str, fps: float | None = None) -> VideoSource:
     """Return the video of a name: a file's path or URL, a folder's path, else a built-in sequence.
 
     Parameters
@@ -141,7 +126,7 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
     name : str
         A path, a URL, or the name of a built-in sequence; a path wins over a name. A json file is a camera
         path.
-    frames_per_second : float, optional
+    fps : float, optional
         Frame rate of a folder of images, or of a built-in sequence; 25 if not given [Hz].
 
     Raises
@@ -157,16 +142,16 @@ def open_video(name: str, frames_per_second: float | None = None) -> VideoSource
         return built_in_sequence(name)
     path = RemoteFile(name) if is_url(name) else Path(name)
     if isinstance(path, Path) and path.is_dir():
-        return open_image_folder(path, frames_per_second)
+        return open_image_folder(path, fps)
     if _has_its_rate(name):
-        if frames_per_second is not None:
+        if fps is not None:
             raise InputError(
                 f"{shown_name(name)} has its own frame rate; only a folder of images or a built-in sequence "
-                f"takes one, got {frames_per_second:g}"
+                f"takes one, got {fps:g}"
             )
         return open_video_file(path)
     if is_sequence(name):
-        return built_in_sequence(name, frames_per_second=frames_per_second)
+        return built_in_sequence(name, frames_per_second=fps)
     raise InputError(
         f"no video {name!r}: give a video file, a folder of images, or one of the built-in sequences "
         + ", ".join(SEQUENCES)

@@ -9,6 +9,7 @@ from typing import Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import expert
 from evenlight.stimuli.dimmed.apply_options import DimmedVersion
 
 track = typer.Typer(invoke_without_command=True)
@@ -20,14 +21,12 @@ class ExportFormat(enum.Enum):
     FFMPEG = "ffmpeg"  # a filter script
     MPV = "mpv"  # a Lua script
     JSON = "json"  # an `ExportedTrack`
-    EDL = "edl"  # CMX 3600 with ASC CDL
 
 
 USES = {
     ExportFormat.FFMPEG: "ffmpeg -i VIDEO -filter_complex_script {out} -acodec copy -pix_fmt yuv420p OUT",
     ExportFormat.MPV: "mpv --script={out} VIDEO",
     ExportFormat.JSON: "times, factors and gamma, as docs/data-dictionary.md describes them",
-    ExportFormat.EDL: "an edit decision list, with an ASC CDL for each stretch of one brightness",
 }
 
 
@@ -43,27 +42,23 @@ def export(
     track: Annotated[
         Path, typer.Argument(help="The track: the folder that `evenlight optimize` wrote, or track.csv.")
     ],
-    to: Annotated[
-        ExportFormat, typer.Option(help="A script for FFmpeg or mpv, JSON, or an edit decision list.")
-    ],
+    to: Annotated[ExportFormat, typer.Option(help="A script for FFmpeg or mpv, or JSON.")],
     out: Annotated[Path, typer.Option(metavar="FILE", help="File to write.")],
     version: Annotated[
         DimmedVersion, typer.Option(help="Dimmed by the track, or constantly at equal power.")
     ] = DimmedVersion.OURS,
     display: Annotated[
         str | None,
-        typer.Option(
-            help="Display of an older track, which does not name it itself: a preset or a toml file."
-        ),
+        expert(help="Display of an older track, which does not name it itself: a preset or a toml file."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing line.")] = False,
 ) -> None:
-    """Write a track for another program: FFmpeg, mpv, an editing suite, or anything that reads JSON."""
+    """Write a track for another program: FFmpeg, mpv, or anything that reads JSON."""
     from evenlight.data_schema.storage.whole_files import require_free
     from evenlight.data_schema.tracks.loaded_track import load_track
-    from evenlight.stimuli.dimmed.exports.track_export import exported_track, write_export
     from evenlight.stimuli.dimmed.matched_track import display_of
+    from evenlight.stimuli.dimmed.track_export import exported_track, write_export
 
     require_free(out, force=force)
     if to is ExportFormat.MPV and out.suffix != ".lua":

@@ -10,9 +10,8 @@ from __future__ import annotations
 import functools
 import re
 import unicodedata
-from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.input_files import require_plain_file
@@ -105,26 +104,34 @@ def require_font(path: Path) -> None:
     _letters(path)
 
 
-def line_width(words: Sequence[Word], size: int, font: Path | None, to_left: bool = False) -> float:
-    """Return the width of words in a line [pixels], in letters of a size [pixels]."""
-    return sum(_width(run, size, to_left) for run in _runs(tuple(words), font))
+class Line(NamedTuple):
+    """A line of type."""
 
+    words: tuple[Word, ...]
+    size: int  # of its letters [pixels]
+    font: Path | None = None  # a lab's own
+    to_left: bool = False  # whether it runs from right to left
+    # where its baseline begins, from the left (the right, of one that runs to the left) and the top [pixels]
+    x: float = 0.0
+    y: float = 0.0
 
-def draw_line(
-    draw: ImageDraw, at: tuple[float, float], line: tuple[Sequence[Word], int, bool], font: Path | None
-) -> None:
-    """Draw a line of words, which has a size [pixels] and may run to the left, from its left end `at`.
+    @property
+    def width(self) -> float:
+        """Its width [pixels]."""
+        return sum(_width(run, self.size, self.to_left) for run in _runs(self.words, self.font))
 
-    What is bold, or in another font, is a run of its own; runs follow each other in the line's direction.
-    """
-    words, size, to_left = line
-    x, baseline = at
-    runs = _runs(tuple(words), font)
-    for run in reversed(runs) if to_left else runs:
-        text, face = run
-        how = _how(run, size, to_left)
-        draw.text((x, baseline), text, fill=255, anchor="ls", stroke_width=_stroke(face, size), **how)
-        x += _width(run, size, to_left)
+    def draw(self, draw: ImageDraw, at: tuple[float, float]) -> None:
+        """Draw it from its left end `at`.
+
+        What is bold, or in another font, is a run of its own; runs follow each other in the line's direction.
+        """
+        x, baseline = at
+        runs = _runs(self.words, self.font)
+        for run in reversed(runs) if self.to_left else runs:
+            how = _how(run, self.size, self.to_left)
+            bolder = THICKENING * self.size if run[1][1] else 0  # for a font without bold letters
+            draw.text((x, baseline), run[0], fill=255, anchor="ls", stroke_width=bolder, **how)
+            x += _width(run, self.size, self.to_left)
 
 
 Run = tuple[str, Face]
@@ -132,7 +139,6 @@ Run = tuple[str, Face]
 
 @functools.lru_cache(maxsize=4096)  # the same lines are tried in many sizes
 def _runs(words: tuple[Word, ...], font: Path | None) -> tuple[Run, ...]:
-    """Return the words of a line as texts of one font each, the spaces between them included."""
     runs: list[Run] = []
     last_bold = False
     for number, word in enumerate(words):
@@ -160,26 +166,18 @@ def _goes_with(letter: str, face: Face) -> bool:
 
 @functools.lru_cache(maxsize=16384)
 def _width(run: Run, size: int, to_left: bool) -> float:
-    """Return how far a run advances [pixels]."""
     how = _how(run, size, to_left)
     return float(how.pop("font").getlength(run[0], **how))
 
 
 def _how(run: Run, size: int, to_left: bool) -> dict[str, Any]:
-    """Return the options by which Pillow sets a run."""
     text, (path, _) = run
     shaped = to_left or _is_shaped(text)
     direction = {"direction": "rtl" if to_left else "ltr"} if shaped else {}
     return {"font": _font(path, size, shaped), **direction}
 
 
-def _stroke(face: Face, size: int) -> float:
-    """Return how far the strokes of letters are widened, where they are to look bold [pixels]."""
-    return THICKENING * size if face[1] else 0
-
-
 def _is_shaped(text: str) -> bool:
-    """Return whether a text has letters that join, stack or run from right to left."""
     return any(
         unicodedata.bidirectional(letter) in RIGHT_TO_LEFT or unicodedata.category(letter) in ("Mn", "Mc")
         for letter in text
@@ -188,7 +186,6 @@ def _is_shaped(text: str) -> bool:
 
 @functools.cache
 def _can_shape() -> bool:
-    """Return whether Pillow finds what it shapes letters with."""
     from PIL import features
 
     return bool(features.check_feature("raqm") and features.check_feature("fribidi"))
@@ -196,7 +193,6 @@ def _can_shape() -> bool:
 
 @functools.lru_cache(maxsize=4096)
 def _face(letter: str, bold: bool, font: Path | None) -> Face | None:
-    """Return the first face that has a letter; None if none does."""
     faces = [(font, bold)] if font is not None else []
     faces += [_dejavu(True)] if bold else []
     faces.append((_dejavu(False)[0], bold))
@@ -205,7 +201,6 @@ def _face(letter: str, bold: bool, font: Path | None) -> Face | None:
 
 @functools.cache
 def _dejavu(bold: bool) -> Face:
-    """Return DejaVu Sans."""
     import matplotlib
 
     name = "DejaVuSans-Bold.ttf" if bold else "DejaVuSans.ttf"
@@ -214,7 +209,6 @@ def _dejavu(bold: bool) -> Face:
 
 @functools.cache
 def _letters(path: Path) -> frozenset[int]:
-    """Return the code points that a font has, or refuse a file that is none."""
     from matplotlib.ft2font import FT2Font
 
     try:
@@ -225,7 +219,6 @@ def _letters(path: Path) -> frozenset[int]:
 
 @functools.lru_cache(maxsize=64)
 def _font(path: Path, size: int, shaped: bool) -> FreeTypeFont:
-    """Return a font in a size [pixels]."""
     from PIL import ImageFont
 
     layout = ImageFont.Layout.RAQM if shaped else ImageFont.Layout.BASIC

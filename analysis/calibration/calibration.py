@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
-from evenlight.analysis.calibration.level_estimates import LevelEstimates, PooledFit, estimate_levels
+from evenlight.analysis.calibration.level_estimates import LevelEstimates, estimate_levels
 from evenlight.analysis.calibration.limit_models import Answers, LimitModels, fit_models
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import FEW_TRIALS, joint_p_value
 from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
@@ -34,23 +33,13 @@ NO_CATCH_TRIALS = "there are no catch trials: the prior, not the data, sets the 
 
 @dataclass(frozen=True, slots=True)
 class ParticipantSummary:
-    """How consistently a participant answered, over all levels.
-
-    Attributes
-    ----------
-    n_thresholds, n_usable : int
-        Thresholds, and those that went into the rate limit.
-    deviance_p : float or None
-        Of the summed deviance, by Monte Carlo; None with too few rates to judge by.
-    drift_ratio, drift_p : float or None
-        Threshold at the end over that at the beginning, and how probable as clear a drift is by chance.
-    """
+    """How consistently a participant answered, over all levels."""
 
     n_thresholds: int
-    n_usable: int
-    deviance_p: float | None
-    drift_ratio: float | None
-    drift_p: float | None
+    n_usable: int  # thresholds that went into the rate limit
+    deviance_p: float | None  # of the summed deviance, by Monte Carlo; None with too few rates to judge by
+    drift_ratio: float | None  # threshold at the end over that at the beginning
+    drift_p: float | None  # how probable as clear a drift is by chance
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,11 +81,6 @@ class Calibration:
         return self.models.fit
 
     @property
-    def pooled(self) -> PooledFit | None:
-        """The paper's way; None if too few levels allow it."""
-        return self.models.pooled
-
-    @property
     def participants(self) -> dict[str, ParticipantSummary]:
         """How consistently each participant answered."""
         return _participants(self.thresholds)
@@ -117,18 +101,15 @@ class Calibration:
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the results should know."""
         asked = self.procedure is Procedure.YES_NO
-        catches = (NO_CATCH_TRIALS,) if asked and not self.criteria else ()
         said = (
-            tuple(concern.words for concern in self.concerns)
-            + self.models.first_notes
-            + self.data.warnings
-            + catches
-            + false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds))
-            + _without_thresholds(self.data.participant_ids, self.thresholds)
-            + _single_levels(self.thresholds)
-            + _unsteady(self.participants)
-            + _small_samples(self.thresholds)
-            + self.rate_limit.notes
+            *(concern.words for concern in self.concerns),
+            *self.models.first_notes,
+            *self.data.warnings,
+            *((NO_CATCH_TRIALS,) if asked and not self.criteria else ()),
+            *false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds)),
+            *_of_participants(self.data.participant_ids, self.participants),
+            *_small_samples(self.thresholds),
+            *self.rate_limit.notes,
         )
         return tuple(dict.fromkeys(said))
 
@@ -159,7 +140,10 @@ def calibrate(
     trials, procedure = trials_of_one_task(data.trials, options.procedure)
     thresholds = tuple(fit_thresholds_of(trials, report=report))
     if not data.order_known:
-        thresholds = tuple(fit.without_drift for fit in thresholds)
+        thresholds = tuple(
+            replace(fit, threshold=replace(fit.threshold, drift_ratio=None, drift_p=None))
+            for fit in thresholds
+        )
     concerns = ordered((*concerns, *_drifts(_participants(thresholds))))
     answers = Answers(trials, [fit.threshold for fit in thresholds], data.display)
     return Calibration(
@@ -197,43 +181,20 @@ def trials_of_one_task(
     return tuple(trial for trial in trials if trial.procedure is procedure), procedure
 
 
-def _without_thresholds(
-    participant_ids: tuple[str, ...], thresholds: tuple[ThresholdFit, ...]
-) -> tuple[str, ...]:
-    """Return a warning for each participant who has trials, and no ramp to fit."""
-    fitted = {fit.threshold.participant_id for fit in thresholds}
-    why = "catch trials only, or the other task than the one that is fitted"
-    return tuple(f"participant {who} has no threshold: {why}" for who in participant_ids if who not in fitted)
-
-
-def _single_levels(thresholds: tuple[ThresholdFit, ...]) -> tuple[str, ...]:
-    """Return a warning for each participant with thresholds at one level only, among others with more."""
-    counts = Counter(fit.threshold.participant_id for fit in thresholds)
-    return tuple(
-        f"participant {who} has a single level, which says nothing about the curve's shape"
-        for who, count in counts.items()
-        if count == 1
-    )
-
-
 def _participants(thresholds: Iterable[ThresholdFit]) -> dict[str, ParticipantSummary]:
-    """Return how consistently each participant answered."""
     own: dict[str, list[ThresholdFit]] = {}
     for fit in thresholds:
         own.setdefault(fit.threshold.participant_id, []).append(fit)
-    return {who: _participant(fits) for who, fits in own.items()}
-
-
-def _participant(fits: Sequence[ThresholdFit]) -> ParticipantSummary:
-    """Return how consistently one participant answered."""
-    first = fits[0].threshold
-    return ParticipantSummary(
-        n_thresholds=len(fits),
-        n_usable=sum(fit.threshold.flag not in UNUSABLE for fit in fits),
-        deviance_p=joint_p_value([fit.goodness for fit in fits if fit.goodness]),
-        drift_ratio=first.drift_ratio,
-        drift_p=first.drift_p,
-    )
+    return {
+        who: ParticipantSummary(
+            n_thresholds=len(fits),
+            n_usable=sum(fit.threshold.flag not in UNUSABLE for fit in fits),
+            deviance_p=joint_p_value([fit.goodness for fit in fits if fit.goodness]),
+            drift_ratio=fits[0].threshold.drift_ratio,
+            drift_p=fits[0].threshold.drift_p,
+        )
+        for who, fits in own.items()
+    }
 
 
 def _drifts(participants: dict[str, ParticipantSummary]) -> tuple[Concern, ...]:
@@ -247,17 +208,22 @@ def _drifts(participants: dict[str, ParticipantSummary]) -> tuple[Concern, ...]:
 
 
 def _drift_in_words(who: str, person: ParticipantSummary) -> str:
-    """Return how a participant's thresholds moved."""
     return (
         f"participant {who}: thresholds at the end of the trials are {person.drift_ratio:.2f} x those at "
         f"their beginning (p = {person.drift_p:.2g})"
     )
 
 
-def _unsteady(participants: dict[str, ParticipantSummary]) -> tuple[str, ...]:
-    """Return a warning for each participant whose answers drift or do not follow the functions fitted."""
-    warnings = []
-    for who, person in participants.items():
+def _of_participants(everyone: Sequence[str], fitted: dict[str, ParticipantSummary]) -> list[str]:
+    """Return who has no threshold, who a single one, and whose answers drift or follow no function."""
+    why = "catch trials only, or the other task than the one that is fitted"
+    warnings = [f"participant {who} has no threshold: {why}" for who in everyone if who not in fitted]
+    warnings += [
+        f"participant {who} has a single level, which says nothing about the curve's shape"
+        for who, person in fitted.items()
+        if person.n_thresholds == 1
+    ]
+    for who, person in fitted.items():
         if person.drift_p is not None and person.drift_ratio and person.drift_p < CLEAR_P:
             warnings.append(_drift_in_words(who, person))
         if person.deviance_p is not None and person.deviance_p < CLEAR_P:
@@ -265,11 +231,10 @@ def _unsteady(participants: dict[str, ParticipantSummary]) -> tuple[str, ...]:
                 f"participant {who}: the answers do not look like those of logistic functions (summed "
                 f"deviance, Monte Carlo p = {person.deviance_p:.2g})"
             )
-    return tuple(warnings)
+    return warnings
 
 
 def _small_samples(thresholds: Sequence[ThresholdFit]) -> tuple[str, ...]:
-    """Return a warning if most levels have so few trials that only gross misfits would show."""
     few = sum(fit.threshold.n_trials < FEW_TRIALS for fit in thresholds)
     if 2 * few <= len(thresholds):
         return ()

@@ -3,171 +3,46 @@
 from __future__ import annotations
 
 import dataclasses
-from dataclasses import dataclass
+from collections import Counter
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from evenlight.analysis.calibration.calibration import Calibration
-from evenlight.analysis.calibration.calibration_sections import (
-    calibration_section,
-    population_section,
-    thresholds_section,
-)
-from evenlight.analysis.calibration.choices.choice_on_clip import ClipComparison
-from evenlight.analysis.calibration.choices.limit_choices import SAFE, LimitChoices
-from evenlight.analysis.calibration.choices.limit_choices_figure import limit_choices_figure
-from evenlight.analysis.calibration.choices.limit_choices_report import (
-    FIGURE,
-    LOG_LOG_LIMIT,
-    SAFE_LIMIT,
-    SUMMARY,
-    TABLE,
-    choices_section,
-)
-from evenlight.analysis.calibration.fit_summary import summary_of
-from evenlight.analysis.calibration.limit_models import FEW_LEVELS
-from evenlight.analysis.calibration.psychometric.psychometric_figure import psychometric_figure
-from evenlight.analysis.calibration.rate_limit.conditions import condition_of
-from evenlight.analysis.calibration.rate_limit.rate_limit_figure import rate_limit_figure
-from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
-from evenlight.analysis.figure_style import PAGE, FigureFormat, short, write_png
-from evenlight.analysis.integrity.concern import cautious
+from evenlight.analysis.calibration.calibration_sections import shared_luminances
+from evenlight.analysis.calibration.joint.joint_fit import JointFit
+from evenlight.analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
+from evenlight.analysis.calibration.ramp_findings import ramp_findings
+from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
 from evenlight.analysis.report import Report, Section, write_report
-from evenlight.analysis.report_prose import prose
 from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
+from evenlight.analysis.results import Analysis
+from evenlight.analysis.wording import sentence
+from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitModel
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json, write_json_record
+from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.threshold import Threshold
-from evenlight.method.rate_limit import rate_limit_at
 
-REPORT = "report.html"
 FILES = {
     "thresholds.csv": "thresholds of each participant and level, with credible intervals",
     "rate_limit.json": "the fitted rate limit, for `evenlight optimize --rate-limit`",
-    SAFE_LIMIT: "the lower edge of its band, for the same use",
-    LOG_LOG_LIMIT: "the better of line and quadratic in log-log, for the same use",
     "fit_summary.json": "what the fit rests on, for programs",
-    f"{TABLE}, {SUMMARY}": "the curves that could be chosen, compared",
-    f"psychometric.png, rate_limit.png, {FIGURE}": "the figures of this page",
+    "psychometric.png, rate_limit.png": "the figures of this page",
 }
+COMPARED_AT = 201  # luminances at which two curves are compared
+SCORED = ("form", "degree", "score", "standard_error", "chosen")
 
 
-@dataclass(frozen=True, slots=True)
-class FitResults:
-    """What the report is about.
-
-    Attributes
-    ----------
-    calibration, choices : Calibration, LimitChoices
-        What was fitted, and the curves that could serve.
-    comparison : ClipComparison or None
-        What they do to a clip, if one was looked at.
-    origin : Provenance
-        Software and inputs.
-    """
-
-    calibration: Calibration
-    choices: LimitChoices
-    comparison: ClipComparison | None
-    origin: Provenance
-
-
-def write_fit_report(folder: Path, results: FitResults) -> None:
-    """Write `report.html` and `limit_choices.png` beside the figures of the calibration."""
-    fit = results.calibration.rate_limit
-    figure = limit_choices_figure(results.choices, fit.own, results.comparison)
-    write_png(folder / FIGURE, figure)
-    pictures = {name: (folder / name).read_bytes() for name in ("psychometric.png", "rate_limit.png", FIGURE)}
-    write_report(folder / REPORT, fit_report(results, pictures))
-
-
-def fit_report(results: FitResults, pictures: dict[str, bytes]) -> Report:
-    """Return the report of a calibration.
-
-    Parameters
-    ----------
-    results : FitResults
-        What it is about.
-    pictures : dict of str to bytes
-        Its figures by the names of their files.
-    """
-    calibration, simulated = results.calibration, results.calibration.data.simulated
-    roll = calibration.data.roll
-    return Report(
-        "Calibration of the rate limit",
-        _lead(results),
-        (
-            *((roll_section(roll),) if roll else ()),
-            calibration_section(calibration, pictures["psychometric.png"]),
-            population_section(calibration.levels, simulated),
-            rate_limit_section(calibration, pictures["rate_limit.png"], published=False),
-            choices_section(results.choices, results.comparison, pictures[FIGURE]),
-            *_warnings(calibration),
-            thresholds_section(calibration),
-            provenance_section(
-                {
-                    "first session": calibration.data.sessions[0].manifest.provenance,
-                    "fit": results.origin,
-                }
-            ),
-            files_section({name: what for name, what in FILES.items() if name not in _unwritten(results)}),
-        ),
-    )
-
-
-def _unwritten(results: FitResults) -> tuple[str, ...]:
-    """Return the files that this calibration does not have."""
-    if results.choices.fitted.limit.wide_band:
-        return SAFE_LIMIT, LOG_LOG_LIMIT
-    return () if results.choices.named(SAFE) else (SAFE_LIMIT,)
-
-
-def _lead(results: FitResults) -> str:
-    """Return what came out, for whom and how sure, in a few sentences."""
-    calibration, models = results.calibration, results.calibration.models
-    limit, width = calibration.rate_limit.limit, 0.0
-    if limit.band_luminance and not limit.wide_band:
-        width = 100 * float(np.expm1(np.median(np.log(np.divide(limit.band_upper, limit.band_lower))) / 2))
-    words = prose(
-        "fit_lead",
-        limit=limit,
-        ends=[(short(float(rate_limit_at(limit, L))), short(L)) for L in sorted({*limit.luminance_range})],
-        known="known as a whole" if limit.band_kind is BandKind.SIMULTANEOUS else "known",
-        width=width,
-        simulated=calibration.data.simulated,
-        source=_source(calibration),
-        few=FEW_LEVELS.get(models.levels, ""),
-        falls=calibration.rate_limit.falling,
-        comparison=results.comparison,
-        gains=[100 * outcome.gain for outcome in results.comparison.outcomes] if results.comparison else (),
-    )
-    return cautious(results.calibration.concerns, words[0].replace(" %", "\u00a0%"))
-
-
-def _source(calibration: Calibration) -> str:
-    """Return whose answers the limit rests on, and by which model."""
-    people, joint = len(calibration.data.participant_ids), calibration.models.joint
-    if calibration.models.chosen is RateLimitModel.JOINT and joint is not None:
-        n = len(joint.participants)
-        return f"all {joint.n_trials} answers of {n} participant{'s' * (n > 1)} at once (joint model)"
-    if calibration.models.chosen is RateLimitModel.POOLED:
-        return f"the answers of {people} participants pooled, as if of one person (pooled model)"
-    return f"{len(calibration.rate_limit.used)} thresholds of {people} participants (individual model)"
-
-
-def _warnings(calibration: Calibration) -> tuple[Section, ...]:
-    """Return a section of what to be warned of that no other section says; none if there is nothing."""
-    said = {*calibration.data.warnings, *calibration.rate_limit.notes, *calibration.models.first_notes}
-    others = tuple(warning for warning in calibration.warnings if warning not in said)
-    if not others:
-        return ()
-    text = ("Not every level or participant is as the models have it.",)
-    notes = tuple(f"{words[0].upper()}{words[1:]}." for words in others)
-    return (Section("To be looked at", text, (), (), notes, calibration.data.simulated),)
+def write_fit(calibration: Calibration, folder: Path, origin: Provenance) -> Analysis:
+    """Write thresholds, rate limit, summary, figures and `report.html`; return what was found."""
+    write_calibration(calibration, folder, origin)
+    found = ramp_findings(calibration)
+    write_pictures(found, folder)
+    write_report(folder / "report.html", _report(calibration, found, origin))
+    return found
 
 
 def write_calibration(calibration: Calibration, folder: Path, provenance: Provenance) -> None:
@@ -187,45 +62,118 @@ def write_calibration(calibration: Calibration, folder: Path, provenance: Proven
     write_json(folder / "fit_summary.json", summary_of(calibration, provenance))
 
 
-def write_figures(
-    calibration: Calibration, folder: Path, compared: RateLimit | None = None, medium: FigureFormat = PAGE
-) -> tuple[str, ...]:
-    """Write `psychometric.png` and `rate_limit.png`, and return their names.
-
-    Parameters
-    ----------
-    calibration, folder : Calibration, Path
-        What was fitted, and where to.
-    compared, medium : RateLimit, optional, and FigureFormat
-        Another rate limit, drawn beside it; and where they are shown.
-    """
-    figures = calibration_figures(calibration, compared, medium)
-    for name, figure in figures.items():
-        write_png(folder / name, figure)
-    return tuple(figures)
+def write_pictures(found: Analysis, folder: Path) -> None:
+    """Write `psychometric.png` and `rate_limit.png`."""
+    for drawing in found.drawings:
+        write_whole(folder / f"{drawing.name}.png", drawing.png)
 
 
-def calibration_figures(
-    calibration: Calibration, compared: RateLimit | None = None, medium: FigureFormat = PAGE
-) -> dict[str, Figure]:
-    """Return the two figures by the names of their files."""
-    simulated = calibration.data.simulated
-    limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
-    return {
-        "psychometric.png": psychometric_figure(calibration.thresholds, simulated, medium),
-        "rate_limit.png": rate_limit_figure(
-            limit, drawn_thresholds(calibration), compared, medium, _beside(calibration)
+def _report(calibration: Calibration, found: Analysis, origin: Provenance) -> Report:
+    data = calibration.data
+    return Report(
+        "Calibration of the rate limit",
+        found.lead,
+        (
+            *_to_be_looked_at(calibration),
+            *found.sections,
+            *((roll_section(data.roll),) if data.roll else ()),
+            provenance_section({"first session": data.sessions[0].manifest.provenance, "fit": origin}),
+            files_section(FILES),
         ),
+        key_figures=found.key_figures,
+    )
+
+
+def _to_be_looked_at(calibration: Calibration) -> tuple[Section, ...]:
+    """Return a section of what to be warned of that no other section says; none if there is nothing."""
+    said = {*calibration.data.warnings, *calibration.rate_limit.notes, *calibration.models.first_notes}
+    notes = tuple(f"{sentence(words)}." for words in calibration.warnings if words not in said)
+    simulated = calibration.data.simulated
+    return (Section("To be looked at", notes=notes, simulated=simulated),) if notes else ()
+
+
+def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, Any]:
+    """Return the content of `fit_summary.json`."""
+    curve, roll = calibration.rate_limit, calibration.data.roll
+    return {
+        "simulated": calibration.data.simulated,
+        "n_participants": len(calibration.data.participant_ids),
+        "n_trials": len(calibration.data.trials),
+        "n_thresholds": len(calibration.thresholds),
+        "n_thresholds_used": len(curve.used),
+        "excluded_participants": calibration.excluded_participants,
+        "flags": Counter(flag for fit in calibration.thresholds if (flag := fit.threshold.flag.value)),
+        "participant_sd_ln": curve.participant_sd,
+        "residual_sd_ln": curve.residual_sd,
+        "model": calibration.models.chosen.value,
+        "form": curve.limit.form.value,
+        "degree": len(curve.limit.coefficients) - 1,
+        "residual_df": curve.residual_df,
+        "condition_number": curve.limit.condition_number,
+        "monotone": curve.monotone,
+        "falling_cd_m2": [list(stretch) for stretch in curve.falling],
+        "models": _models(calibration),
+        "joint": None if calibration.models.joint is None else _joint(calibration.models.joint),
+        "levels": [level_mapping(level) for level in calibration.levels],
+        "levels_in_words": difference_in_words(calibration.levels),
+        "pooled_ratio_mean": mean_ratios(calibration.levels)[0],
+        "mean_of_fits_ratio_mean": mean_ratios(calibration.levels)[1],
+        "reference": None if curve.reference is None else _condition(curve.reference),
+        "condition_effects": [_effect(effect) for effect in curve.effects],
+        "procedure": calibration.procedure.value,
+        "participants": {who: mapping_from_record(p) for who, p in calibration.participants.items()},
+        "criteria": {who: mapping_from_record(c) for who, c in calibration.criteria.items()},
+        "interval_biases": {who: mapping_from_record(b) for who, b in calibration.interval_biases.items()},
+        "warnings": [*calibration.warnings, *(roll.warnings if roll else ())],
+        "roll": mapping_from_record(roll) if roll else None,
+        "provenance": mapping_from_record(provenance),
     }
 
 
-def _beside(calibration: Calibration) -> dict[str, RateLimit]:
-    """Return the other models' curves by what they are called."""
-    return {f"{model.value} model": fit.limit for model, fit in calibration.models.others.items()}
+def _models(calibration: Calibration) -> dict[str, Any]:
+    models = calibration.models
+    entries: dict[str, Any] = {}
+    for model, fit in models.fits.items():
+        limit, luminance = fit.limit, shared_luminances(fit.limit, models.fit.limit, COMPARED_AT)
+        rates, own = limit(luminance), models.fit.limit(luminance)
+        # A polynomial of the rate can fall to 0: no ratio.
+        ratio = rates / own if min(rates.min(), own.min()) > 0 else None
+        entries[model.value] = {
+            "form": limit.form.value,
+            "degree": len(limit.coefficients) - 1,
+            "coefficients": list(limit.coefficients),
+            "luminance_range_cd_m2": list(limit.luminance_range),
+            "falling_cd_m2": [list(stretch) for stretch in fit.falling],
+            "band_kind": limit.band_kind.value if limit.band_luminance else None,
+            "widest_band_cd_m2_s": list(limit.widest_band[1:]) if limit.widest_band else None,
+            "ratio_to_chosen_mean": None if ratio is None else float(np.exp(np.mean(np.log(ratio)))),
+            "ratio_to_chosen_min": None if ratio is None else float(ratio.min()),
+            "ratio_to_chosen_max": None if ratio is None else float(ratio.max()),
+        }
+    return {**entries, "missing": {model.value: why for model, why in models.missing.items()}}
 
 
-def drawn_thresholds(calibration: Calibration) -> list[Threshold]:
-    """Return the thresholds of the condition that the limit is for; others lie off it by their effect."""
-    reference = calibration.rate_limit.reference
-    thresholds = (fit.threshold for fit in calibration.thresholds)
-    return [t for t in thresholds if reference in (None, condition_of(t))]
+def _joint(joint: JointFit) -> dict[str, Any]:
+    shapes = [{**dataclasses.asdict(shape), "form": shape.form.value} for shape in joint.shapes]
+    return {
+        "n_trials": joint.n_trials,
+        "participant_sd_ln": dataclasses.asdict(joint.participant_sd),
+        "level_sd_ln": dataclasses.asdict(joint.level_sd),
+        "width": joint.width,
+        "lapse_rate": joint.lapse_rate,
+        "participants": [dataclasses.asdict(person) for person in joint.participants],
+        "shapes": [{key: shape[key] for key in SCORED} for shape in shapes],
+        "left_out": list(joint.left_out),
+        "band_luminance_cd_m2": joint.band_luminance.tolist(),
+        "pointwise_lower_cd_m2_s": joint.pointwise_lower.tolist(),
+        "pointwise_upper_cd_m2_s": joint.pointwise_upper.tolist(),
+    }
+
+
+def _condition(condition: Condition) -> dict[str, Any]:
+    return {"direction": condition.direction.value, "ramp_duration_s": condition.ramp_duration}
+
+
+def _effect(effect: ConditionEffect) -> dict[str, Any]:
+    own = ("ratio", "ci_low", "ci_high", "ratio_of_equal_amounts", "in_words")
+    return {**_condition(effect.condition), **{name: getattr(effect, name) for name in own}}

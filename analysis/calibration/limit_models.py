@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
-from evenlight.analysis.calibration.level_estimates import PooledFit, fit_pooled
+from evenlight.analysis.calibration.level_estimates import fit_pooled
 from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
@@ -23,11 +23,12 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import (
     RateLimitFit,
     fit_thresholds,
+    limit_record,
     require_within_rates,
 )
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.data_schema.threshold import Threshold
 
@@ -58,25 +59,12 @@ class Answers:
 
 @dataclass(frozen=True, slots=True)
 class LimitModels:
-    """The rate limit by each model.
+    """The rate limit by each model."""
 
-    Attributes
-    ----------
-    chosen : RateLimitModel
-        Whose curve is the rate limit.
-    fits : dict of RateLimitModel to RateLimitFit
-        The curves; always with the chosen one.
-    missing : dict of RateLimitModel to str
-        Why others cannot be fitted.
-    joint, pooled : JointFit or None, PooledFit or None
-        What else these two tell; None where they cannot be fitted.
-    """
-
-    chosen: RateLimitModel
-    fits: dict[RateLimitModel, RateLimitFit]
-    missing: dict[RateLimitModel, str] = field(default_factory=dict)
-    joint: JointFit | None = None
-    pooled: PooledFit | None = None
+    chosen: RateLimitModel  # whose curve is the rate limit
+    fits: dict[RateLimitModel, RateLimitFit]  # always with the chosen one
+    missing: dict[RateLimitModel, str] = field(default_factory=dict)  # why others cannot be fitted
+    joint: JointFit | None = None  # what else the joint model tells, where it can be fitted
 
     @property
     def fit(self) -> RateLimitFit:
@@ -113,21 +101,13 @@ def _levels(thresholds: Iterable[Threshold]) -> int:
 
 
 def _people(thresholds: Iterable[Threshold]) -> int:
-    """Return how many participants have thresholds."""
     return len({t.participant_id for t in thresholds})
 
 
 def fit_models(
     answers: Answers, options: RateLimitOptions, report: Callable[[int, int], None]
 ) -> LimitModels:
-    """Fit the chosen model, then the others to the same ramps.
-
-    Parameters
-    ----------
-    answers, options : Answers, RateLimitOptions
-        What is fitted, and how.
-    report : callable
-        Called with the stages of the joint model done, and their number.
+    """Fit the chosen model, then the others to the same ramps; report the joint model's stages, and how many.
 
     Raises
     ------
@@ -137,7 +117,7 @@ def fit_models(
     require_within_rates(answers.thresholds)
     fits: dict[RateLimitModel, RateLimitFit] = {}
     missing: dict[RateLimitModel, str] = {}
-    joint, pooled = None, None
+    joint = None
     # Which ramps the limit is for, the chosen model tells; for pooled answers the individual one does.
     first = RateLimitModel.INDIVIDUAL if options.model is RateLimitModel.POOLED else options.model
     for model in (first, *(other for other in RateLimitModel if other is not first)):
@@ -148,19 +128,17 @@ def fit_models(
             elif model is RateLimitModel.INDIVIDUAL:
                 fits[model] = fit_thresholds(answers.thresholds, answers.display, options, NAME)
             else:
-                pooled = fit_pooled(answers.trials, answers.display, options)
-                fits[model] = _pooled_limit(pooled, answers, fits.get(RateLimitModel.INDIVIDUAL))
+                curve = fit_pooled(answers.trials, answers.display, options)
+                fits[model] = _pooled_limit(curve, answers, fits.get(RateLimitModel.INDIVIDUAL))
         except InputError as error:
             if model is options.model:
                 raise
             missing[model] = str(error)
         reference = fits[model].reference if model in fits else None
         if model is first and reference is not None:
-            options = dataclasses.replace(
-                options, direction=reference.direction, ramp_duration=reference.ramp_duration
-            )
+            options = dataclasses.replace(options, **reference.of_limit)
     known = {model: _with_function(fit, joint) for model, fit in fits.items()}
-    return LimitModels(options.model, known, missing, joint, pooled)
+    return LimitModels(options.model, known, missing, joint)
 
 
 def _with_function(fit: RateLimitFit, joint: JointFit | None) -> RateLimitFit:
@@ -192,35 +170,24 @@ def _joint_limit(joint: JointFit, answers: Answers, options: RateLimitOptions) -
     own = [t for t in counted if condition_of(t) == joint.reference]
     points = [t for t in own if t.flag not in UNUSABLE]
     luminance = sorted(set(joined_luminances(own)))
-    edges = joint.band_luminance, joint.simultaneous_lower, joint.simultaneous_upper
     # Between two levels no answer tells how the curve bends: the band is that of the line, which is said.
     of_line = slice(None, None, joint.band_luminance.size - 1) if _levels(own) == 2 else slice(None)
-    at, lower, upper = (tuple(values[of_line].tolist()) for values in edges)
-    try:
-        limit = RateLimit(
-            name=NAME,
-            display_name=answers.display.name,
-            display_fingerprint=answers.display.fingerprint,
-            display=answers.display,
-            form=joint.basis.form,
-            coefficients=tuple(joint.coefficients.tolist()),
-            luminance_range=joint.basis.luminance_range,
-            band_luminance=at,
-            band_lower=lower,
-            band_upper=upper,
-            band_level=options.band_level,
-            point_luminance=tuple(t.luminance for t in points),
-            point_rate=tuple(t.threshold for t in points),
-            condition_number=max(1.0, float(np.linalg.cond(joint.basis.design(luminance)))),
-            procedure=counted[0].procedure,
-            direction=joint.reference.direction,
-            ramp_duration=joint.reference.ramp_duration,
-            model=RateLimitModel.JOINT,
-            band_kind=BandKind.SIMULTANEOUS,
-            monotone=options.monotone,
-        )
-    except ValueError as error:
-        raise InputError(f"the answers give no usable rate limit: {error}") from error
+    edges = joint.band_luminance, joint.simultaneous_lower, joint.simultaneous_upper
+    at, lower, upper = (values[of_line] for values in edges)
+    limit = limit_record(
+        (NAME, answers.display),
+        joint.basis,
+        joint.coefficients,
+        (at, lower, upper),
+        (np.array([t.luminance for t in points]), np.array([t.threshold for t in points])),
+        options,
+        condition_number=max(1.0, float(np.linalg.cond(joint.basis.design(luminance)))),
+        procedure=counted[0].procedure,
+        model=RateLimitModel.JOINT,
+        band_kind=BandKind.SIMULTANEOUS,
+        monotone=options.monotone,
+        **joint.reference.of_limit,
+    )
     return RateLimitFit(
         limit=limit,
         residual_df=len(luminance) - len(limit.coefficients),
@@ -235,21 +202,20 @@ def _joint_limit(joint: JointFit, answers: Answers, options: RateLimitOptions) -
     )
 
 
-def _pooled_limit(pooled: PooledFit, answers: Answers, individual: RateLimitFit | None) -> RateLimitFit:
+def _pooled_limit(pooled: RateLimitFit, answers: Answers, individual: RateLimitFit | None) -> RateLimitFit:
     """Return the curve through the pooled answers as the limit of its task and ramps."""
     conditions = conditions_of(answers.thresholds)
     reference = individual.reference if individual else conditions[0] if len(conditions) == 1 else None
-    curve, notes = pooled.curve.limit, pooled.curve.notes
-    if _people(answers.thresholds) < FEW_PEOPLE:
-        curve = dataclasses.replace(curve, band_luminance=(), band_lower=(), band_upper=())
-        notes = (FEW_POOLED, *notes)
     limit = dataclasses.replace(
-        curve,
+        pooled.limit,
         procedure=answers.thresholds[0].procedure,
-        direction=reference.direction if reference else None,
-        ramp_duration=reference.ramp_duration if reference else None,
         model=RateLimitModel.POOLED,
+        **(reference.of_limit if reference else {}),
     )
+    notes = pooled.notes
+    if _people(answers.thresholds) < FEW_PEOPLE:
+        limit = dataclasses.replace(limit, band_luminance=(), band_lower=(), band_upper=())
+        notes = (FEW_POOLED, *notes)
     return dataclasses.replace(
-        pooled.curve, limit=limit, notes=notes, used=tuple(answers.thresholds), reference=reference
+        pooled, limit=limit, notes=notes, used=tuple(answers.thresholds), reference=reference
     )

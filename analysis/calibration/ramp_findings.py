@@ -1,205 +1,170 @@
-"""What a calibration found, as rows and figures: the population's thresholds, and the rate limit ΔL(L)."""
+"""What a calibration found: numbers as rows, figures, first lines, and the sections that show them."""
 
 from __future__ import annotations
 
-import numpy as np
+import dataclasses
 
 from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.calibration_sections import (
-    calibration_section,
-    population_section,
+    LIMIT,
+    MEAN,
+    POOLED,
+    POPULATION,
+    drawn_thresholds,
+    every_threshold_section,
+    group_of,
+    rate_limit_section,
     thresholds_section,
 )
-from evenlight.analysis.calibration.fit_report import calibration_figures, drawn_thresholds
 from evenlight.analysis.calibration.level_estimates import LevelEstimates
-from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
-from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
-from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means
-from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
-from evenlight.analysis.figure_style import png_bytes
-from evenlight.analysis.findings import Drawing, Findings
-from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
-from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.method.rate_limit import rate_limit_at
+from evenlight.analysis.calibration.psychometric.psychometric_figure import psychometric_figure
+from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
+from evenlight.analysis.calibration.rate_limit.rate_limit_figure import band_at, rate_limit_figure
+from evenlight.analysis.figure_style import short
+from evenlight.analysis.inference.paired_effects import Effect
+from evenlight.analysis.integrity.concern import cautious
+from evenlight.analysis.report import KeyFigure
+from evenlight.analysis.report_prose import prose
+from evenlight.analysis.results import Analysis, Drawing
+from evenlight.analysis.rows import Rows
+from evenlight.data_schema.analysis_results import Origin
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitModel
+from evenlight.data_schema.recordings.ramp import Procedure
 
 UNIT = "cd/m^2/s"
-INTERVAL = 0.95
-CURVE_POINTS = 61  # drawn as a smooth line
 WAYS = {
-    "random": "of the median participant: all participants' answers, a random threshold for each participant",
-    "pooled": "75 % point of all participants' answers pooled, as if of one person (a reading of the paper)",
-    "mean": "geometric mean of the participants' own usable thresholds",
+    POPULATION: (
+        "of the median participant: all participants' answers, a random threshold for each participant"
+    ),
+    POOLED: "75 % point of all participants' answers pooled, as if of one person (a reading of the paper)",
+    MEAN: "geometric mean of the participants' own usable thresholds",
 }
 
 
-def ramp_findings(calibration: Calibration, compared: RateLimit | None = None) -> Findings:
-    """Return what a calibration found.
-
-    Parameters
-    ----------
-    calibration : Calibration
-        What was fitted.
-    compared : RateLimit, optional
-        Another rate limit, drawn beside it.
-    """
-    simulated = calibration.data.simulated
-    origin = Origin.SIMULATED if simulated else Origin.RECORDED
-    psychometric, limit = (png_bytes(f) for f in calibration_figures(calibration, compared).values())
-    drawings = (
-        Drawing(
-            "psychometric", psychometric, "Answers and fitted psychometric functions.",
-            _answer_points(calibration, origin),
-        ),
-        Drawing(
-            "rate_limit", limit, "The rate limit with its band, and the thresholds behind it.",
-            (*_limit_points(calibration, origin), *(_compared_points(compared) if compared else ())),
-        ),
-    )  # fmt: skip
-    return Findings(
+def ramp_findings(calibration: Calibration, compared: RateLimit | None = None) -> Analysis:
+    """Return what a calibration found; another rate limit may be drawn beside its own."""
+    rows = Rows(Origin.SIMULATED if calibration.data.simulated else Origin.RECORDED)
+    for level in calibration.levels:
+        _add_level(rows, level)
+    _add_limit(rows, calibration)
+    drawings = calibration_drawings(calibration, compared)
+    answers, limit = (drawing.png for drawing in drawings)
+    lead, key_figures = first_lines(calibration)
+    return Analysis(
         name="ramp",
-        lead=_lead(calibration),
-        statistics=(
-            *(row for level in calibration.levels for row in _threshold_rows(level, origin)),
-            *_limit_rows(calibration, origin),
-        ),
+        lead=lead,
+        rows=tuple(rows),
         drawings=drawings,
         sections=(
-            calibration_section(calibration, psychometric),
-            population_section(calibration.levels, simulated),
-            rate_limit_section(calibration, limit, published=compared is not None),
-            thresholds_section(calibration),
+            rate_limit_section(calibration, rows, limit, published=compared is not None),
+            thresholds_section(calibration, rows, answers),
+            every_threshold_section(calibration),
         ),
         warnings=calibration.warnings,
         concerns=calibration.concerns,
+        key_figures=key_figures,
     )
 
 
-def _lead(calibration: Calibration) -> str:
-    """Return what came out, in a sentence."""
+def _add_level(rows: Rows, level: LevelEstimates) -> None:
+    random, group, n = level.random, group_of(level.level), level.n_participants
+    best = Effect(random.threshold, random.ci_low, random.ci_high) if random else None
+    people, why = (random.n_participants, "") if random else (n, level.in_words)
+    rows.add("thresholds", group, POPULATION, UNIT, WAYS[POPULATION], best, people, flag=why)
+    for what, value, missing in (
+        (POOLED, level.pooled, "all answers are alike"),
+        (MEAN, level.mean_of_fits, "no usable threshold"),
+    ):
+        rows.add("thresholds", group, what, UNIT, WAYS[what], value, n, flag="" if value else missing)
+
+
+def _add_limit(rows: Rows, calibration: Calibration) -> None:
     limit = calibration.rate_limit.limit
-    low, high = limit.luminance_range
-    slowest, fastest = rate_limit_at(limit, [low, high])
-    who = "simulated participants" if calibration.data.simulated else "participants"
-    return (
-        f"Of {len(calibration.data.participant_ids)} {who}, the median one's ramp at threshold rises from "
-        f"{slowest:.2g} cd/m²/s at {low:.3g} cd/m² to {fastest:.2g} cd/m²/s at {high:.3g} cd/m²."
-    )
-
-
-def _threshold_rows(level: LevelEstimates, origin: Origin) -> tuple[Statistic, ...]:
-    """Return the estimates of the population's threshold at a level."""
-    key, random = level.level, level.random
-    condition = f"{key.direction.value}, {key.ramp_duration:g} s"
-    group = f"{key.screen}, factor {key.factor:g}, {key.luminance:.4g} cd/m^2, {condition}"
-    best = Statistic(
-        "thresholds", group, "threshold of the population", random.threshold if random else None, UNIT,
-        origin,
-        ci_low=random.ci_low if random else None, ci_high=random.ci_high if random else None,
-        interval=INTERVAL if random else None, n=random.n_participants if random else level.n_participants,
-        method=WAYS["random"], flag="" if random else level.in_words,
-    )  # fmt: skip
-    others = (
-        ("threshold, answers pooled", level.pooled, WAYS["pooled"], "all answers are alike"),
-        ("threshold, mean of fits", level.mean_of_fits, WAYS["mean"], "no usable threshold"),
-    )
-    return best, *(
-        Statistic(
-            "thresholds", group, what, value, UNIT, origin, n=level.n_participants, method=how,
-            flag="" if value is not None else why,
-        )
-        for what, value, how, why in others
-    )  # fmt: skip
-
-
-def _limit_rows(calibration: Calibration, origin: Origin) -> tuple[Statistic, ...]:
-    """Return the rate limit at the luminances that were measured, with its band."""
-    limit = calibration.rate_limit.limit
-    luminances = sorted({t.luminance for t in drawn_thresholds(calibration)})
     n = len({fit.threshold.participant_id for fit in calibration.thresholds})
     how = (
         f"degree {len(limit.coefficients) - 1}, {limit.form.value}; {limit.band_words}; {limit.task_in_words}"
     )
-    rows = []
-    for luminance in luminances:
-        low, high = _band(limit, luminance)
-        rows.append(
-            Statistic(
-                "rate_limit", f"{luminance:.4g} cd/m^2", "rate limit", float(rate_limit_at(limit, luminance)),
-                UNIT, origin, ci_low=low, ci_high=high, interval=None if low is None else limit.band_level,
-                n=n, method=how,
-            )
-        )  # fmt: skip
-    return tuple(rows)
+    for luminance in sorted({t.luminance for t in drawn_thresholds(calibration)}):
+        own = Effect(float(limit(luminance)), *band_at(limit, luminance))
+        group = f"{luminance:.4g} cd/m^2"
+        rows.add("rate_limit", group, LIMIT, UNIT, how, own, n, level=limit.band_level)
 
 
-def _band(limit: RateLimit, luminance: float) -> tuple[float | None, float | None]:
-    """Return the band of a limit at a luminance; None without one."""
-    if not limit.band_luminance:
-        return None, None
-    edges = (
-        float(np.interp(luminance, limit.band_luminance, edge))
-        for edge in (limit.band_lower, limit.band_upper)
+def calibration_drawings(
+    calibration: Calibration, compared: RateLimit | None = None
+) -> tuple[Drawing, Drawing]:
+    """Return the figures of answers and rate limit, another limit beside it where one is given."""
+    simulated = calibration.data.simulated
+    limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
+    beside = {f"{model.value} model": fit.limit for model, fit in calibration.models.others.items()}
+    answers, shares = psychometric_figure(calibration.thresholds, simulated)
+    curve, points = rate_limit_figure(limit, drawn_thresholds(calibration), compared, beside=beside)
+    captions = (
+        "Answers and fitted psychometric functions.",
+        "The rate limit with its band, and the thresholds behind it.",
     )
-    return next(edges), next(edges)
+    return (
+        Drawing("psychometric", answers, captions[0], shares),
+        Drawing("rate_limit", curve, captions[1], points),
+    )
 
 
-def _point(series: str, x: float, y: float, origin: Origin) -> PlottedPoint:
-    """Return a point of the figure of the rate limit."""
-    return PlottedPoint("rate limit", series, "", x, y, "luminance", "cd/m^2", "rate", UNIT, origin)
+def first_lines(calibration: Calibration) -> tuple[str, tuple[KeyFigure, ...]]:
+    """Return what came out, after what is wrong with the trials; and the key figures."""
+    limit, falling = calibration.rate_limit.limit, calibration.rate_limit.falling
+    lead = prose(
+        "fit_lead",
+        limit=limit,
+        ends=[(short(float(limit(L))), short(L)) for L in sorted({*limit.luminance_range})],
+        simulated=calibration.data.simulated,
+        falls=[short(end) for end in falling[0]] if falling else (),
+        remedy=_remedy(calibration),
+    )[0]
+    figures = (_limit_figure(limit), _people_figure(calibration), *_false_alarms(calibration))
+    return cautious(calibration.concerns, lead), (*figures, *_what_is_wrong(calibration))
 
 
-def _limit_points(calibration: Calibration, origin: Origin) -> tuple[PlottedPoint, ...]:
-    """Return what the figure of the rate limit draws: thresholds, level means, curve and band."""
-    thresholds = drawn_thresholds(calibration)
-    own = [
-        _point("left out" if t.flag in UNUSABLE else f"participant {t.participant_id}", t.luminance,
-               t.threshold, origin)
-        for t in thresholds
-    ]  # fmt: skip
-    used = [t for t in thresholds if t.flag not in UNUSABLE]
-    places = joined_luminances(used)
-    means = [
-        PlottedPoint(
-            "rate limit", "level mean", "", x, y, "luminance", "cd/m^2", "rate", UNIT, origin, low, high,
-            places.count(x),
-        )
-        for x, y, low, high in level_means(used)
-    ]  # fmt: skip
-    return (*own, *means, *_curve_points(calibration.rate_limit.limit, "rate limit", origin))
+def _limit_figure(limit: RateLimit) -> KeyFigure:
+    """Return the limit in the middle of the luminances measured, with its band."""
+    middle = sum(limit.luminance_range) / 2
+    low, high = band_at(limit, middle)
+    beside = "no band" if low is None or high is None else f"{limit.band_words}: {low:.3g} to {high:.3g}"
+    what = f"rate limit at {short(middle)} cd/m²"
+    return KeyFigure(f"{float(limit(middle)):.3g} cd/m²/s", what, beside, warns=bool(limit.wide_band))
 
 
-def _curve_points(limit: RateLimit, series: str, origin: Origin) -> tuple[PlottedPoint, ...]:
-    """Return a rate limit as a line, with its band."""
-    places = np.linspace(*limit.luminance_range, CURVE_POINTS).tolist()
-    return tuple(
-        PlottedPoint(
-            "rate limit", series, "", x, float(rate_limit_at(limit, x)), "luminance", "cd/m^2", "rate", UNIT,
-            origin, *_band(limit, x),
-        )
-        for x in places
-    )  # fmt: skip
+def _people_figure(calibration: Calibration) -> KeyFigure:
+    people, n = len(calibration.data.participant_ids), len(calibration.thresholds)
+    left_out = len(calibration.rate_limit.excluded)
+    who = f"{'simulated ' * calibration.data.simulated}participant{'s' * (people > 1)}"
+    return KeyFigure(f"{people}", who, f"{n} thresholds" + (f", {left_out} left out" if left_out else ""))
 
 
-def _compared_points(compared: RateLimit) -> tuple[PlottedPoint, ...]:
-    """Return the other rate limit's points and line."""
-    points = zip(compared.point_luminance, compared.point_rate, strict=True)
-    thresholds = (_point(f"{compared.name}, thresholds", x, y, Origin.PUBLISHED) for x, y in points)
-    return (*thresholds, *_curve_points(compared, compared.name, Origin.PUBLISHED))
+def _false_alarms(calibration: Calibration) -> tuple[KeyFigure, ...]:
+    """Return how often participants noticed a change in catch trials; nothing of two intervals."""
+    counts = catch_counts(trial for trial in calibration.data.trials if trial.procedure is Procedure.YES_NO)
+    yes, n = (sum(column) for column in zip(*counts.values(), strict=True)) if counts else (0, 0)
+    if calibration.procedure is not Procedure.YES_NO or not n:
+        return ()
+    return (KeyFigure(f"{100 * yes / n:.0f} %", "false alarms", f"{yes} of {n} trials without a change"),)
 
 
-def _answer_points(calibration: Calibration, origin: Origin) -> tuple[PlottedPoint, ...]:
-    """Return the share of successes at each rate, by level and participant."""
-    points = []
-    for fit in calibration.thresholds:
-        t, counts = fit.threshold, fit.fit.counts
-        panel = f"{t.screen}, factor {t.factor:g}, {t.direction.value}, {t.ramp_duration:g} s"
-        for rate, hits, shown in zip(
-            counts.rates.tolist(), counts.n_yes.tolist(), counts.n_trials.tolist(), strict=True
-        ):
-            points.append(
-                PlottedPoint(
-                    panel, f"participant {t.participant_id}", "", rate, hits / shown, "rate", UNIT,
-                    "share detected", "1", origin, n=shown,
-                )
-            )  # fmt: skip
-    return tuple(points)
+def _what_is_wrong(calibration: Calibration) -> tuple[KeyFigure, ...]:
+    """Return the gravest that is wrong with the curve, or how many warnings there are."""
+    falling = calibration.rate_limit.falling
+    if falling:
+        low, high = falling[0]
+        what = f"the limit falls from {short(low)} to {short(high)} cd/m²"
+        return (KeyFigure("Implausible", what, f"try {_remedy(calibration)}", warns=True),)
+    limit, n = calibration.rate_limit.limit, len(calibration.warnings)
+    if limit.wide_band and limit.widest_band:
+        at, low, high = limit.widest_band
+        where = f"{low:.3g} to {high:.3g} cd/m²/s at {short(at)} cd/m²"
+        return (KeyFigure("Not for use", "the band is too wide", where, warns=True),)
+    return (KeyFigure(f"{n}", "warnings" if n > 1 else "warning", warns=True),) if n else ()
+
+
+def _remedy(calibration: Calibration) -> str:
+    """Return the option that keeps the curve from falling, which the joint model alone has."""
+    joint = calibration.models.chosen is RateLimitModel.JOINT
+    return "--monotone" if joint else "--model joint --monotone"

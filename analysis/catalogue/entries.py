@@ -6,42 +6,42 @@ import itertools
 import os
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
 
-from evenlight.analysis.tracks.asked_track import AskedTrack
+from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueEntry
 from evenlight.stimuli.sequences import is_sequence
-from evenlight.stimuli.video.remote_file import is_url, shown_name
-from evenlight.stimuli.video.video_locations import videos_at
+from evenlight.stimuli.video.video_locations import is_url, shown_name, videos_at
 
 CURVES = ".npz"
 CATALOGUE, ERRORS, FIGURE, REPORT = "catalogue.csv", "errors.csv", "catalogue.png", "report.html"
-OWN_OPTIONS = ("budget", "budget_unit", "min_factor", "field_of_view", "actuator", "fps", "calm")
 OWN_FILES = ("weights", "allowances")
 PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
+# The columns of a table that are fields of a request; what is new there needs no word here.
+OWN_OPTIONS = {field.name for field in fields(CatalogueEntry)} & {
+    field.name for field in fields(TrackRequest)
+}
+OWN_OPTIONS -= {*OWN_FILES, *PRESETS_OR_FILES}
 RESERVED = (CATALOGUE, ERRORS, FIGURE, REPORT)  # beside the folders of results
 
 
 @dataclass(frozen=True, slots=True)
 class CatalogueVideo:
-    """A video of a catalogue.
+    """A video of a catalogue."""
 
-    Attributes
-    ----------
-    name, video : str
-        The folder of its results; what `open_video` takes, or a file of loss curves, which needs no video.
-    asked : AskedTrack
-        What is wanted of it.
-    """
+    video: str  # what `open_video` takes, or a file of loss curves, which needs no video
+    folder: Path  # of its results, absolute
+    asked: TrackRequest
 
-    name: str
-    video: str
-    asked: AskedTrack
+    @property
+    def name(self) -> str:
+        """What the folder of its results is called."""
+        return self.folder.name
 
     @property
     def shown(self) -> str:
@@ -49,14 +49,14 @@ class CatalogueVideo:
         return shown_name(self.video)
 
 
-def videos_of(source: str, asked: AskedTrack, out: Path) -> tuple[CatalogueVideo, ...]:
+def videos_of(source: str, asked: TrackRequest, out: Path) -> tuple[CatalogueVideo, ...]:
     """Return the videos of a catalogue, each with a folder name of its own; names of files are absolute.
 
     Parameters
     ----------
     source : str
         A table (CSV), or what `videos_at` takes: a folder, a glob, a file, a URL of these.
-    asked : AskedTrack
+    asked : TrackRequest
         What is wanted of all; a table may say otherwise for some.
     out : Path
         Where the results go: what lies there is no video of the catalogue.
@@ -68,12 +68,14 @@ def videos_of(source: str, asked: AskedTrack, out: Path) -> tuple[CatalogueVideo
     """
     asked = _with_absolute_files(asked)
     if source.lower().endswith(".csv") and not is_url(source):
-        return _of_table(Path(source).resolve(), asked)
-    videos = [name for name in map(_absolute, videos_at(source)) if not _is_below(name, out.resolve())]
+        return _of_table(Path(source).resolve(), asked, out.resolve())
+    everywhere, own = map(_absolute, videos_at(source)), out.resolve()
+    videos = [name for name in everywhere if is_url(name) or own not in Path(name).parents]
     if not videos:
         raise InputError(f"{source}: holds no videos but those below {out}, the folder of results")
     base = _absolute(source) if is_url(source) or Path(source).is_dir() else None
-    return tuple(CatalogueVideo(*named, asked) for named in zip(_names(videos, base), videos, strict=True))
+    named = zip(videos, _names(videos, base), strict=True)
+    return tuple(CatalogueVideo(video, own / name, asked) for video, name in named)
 
 
 def _absolute(name: str) -> str:
@@ -81,12 +83,7 @@ def _absolute(name: str) -> str:
     return name if is_url(name) or not Path(name).exists() else str(Path(name).resolve())
 
 
-def _is_below(name: str, folder: Path) -> bool:
-    """Whether a file of this computer lies below a folder."""
-    return not is_url(name) and folder in Path(name).parents
-
-
-def _with_absolute_files(asked: AskedTrack) -> AskedTrack:
+def _with_absolute_files(asked: TrackRequest) -> TrackRequest:
     """Return what is asked, with the whole names of its files: workers may be in another folder."""
     named: dict[str, Any] = {
         key: _absolute(value) for key in PRESETS_OR_FILES if (value := getattr(asked, key)) is not None
@@ -94,8 +91,7 @@ def _with_absolute_files(asked: AskedTrack) -> AskedTrack:
     return replace(asked, **named)
 
 
-def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
-    """Return the videos of a table."""
+def _of_table(path: Path, asked: TrackRequest, out: Path) -> tuple[CatalogueVideo, ...]:
     entries = read_rows(CatalogueEntry, path)
     if not entries:
         raise InputError(f"{path}: lists no video; give a row for each, with the column path")
@@ -116,13 +112,12 @@ def _of_table(path: Path, asked: AskedTrack) -> tuple[CatalogueVideo, ...]:
             f"{path}: {twice[0]!r} would be the folder of two rows; give them names in the column name"
         )
     return tuple(
-        CatalogueVideo(name, video, _own(path, entry, asked))
-        for name, video, entry in zip(names, videos, entries, strict=True)
+        CatalogueVideo(video, out / name, _own(path, entry, asked))
+        for video, name, entry in zip(videos, names, entries, strict=True)
     )
 
 
-def _own(path: Path, entry: CatalogueEntry, asked: AskedTrack) -> AskedTrack:
-    """Return what is wanted of a row of a table: what its cells say, else what is wanted of all."""
+def _own(path: Path, entry: CatalogueEntry, asked: TrackRequest) -> TrackRequest:
     own: dict[str, Any] = {key: getattr(entry, key) for key in OWN_OPTIONS if getattr(entry, key) is not None}
     own |= {key: Path(_beside(path, value)) for key in OWN_FILES if (value := getattr(entry, key))}
     for key in PRESETS_OR_FILES:
@@ -132,7 +127,6 @@ def _own(path: Path, entry: CatalogueEntry, asked: AskedTrack) -> AskedTrack:
 
 
 def _beside(table: Path, name: str) -> str:
-    """Return the name of a file in a table, which is meant from the table's folder; URLs stay as they are."""
     return name if is_url(name) else str(table.parent / name)
 
 

@@ -1,31 +1,30 @@
-"""What the artifact comparison found: rows, figures and words (Section 4.3 of the paper)."""
+"""What the artifact comparison found: first lines, figures, sections (Section 4.3 of the paper)."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
-from scipy import special
-
+from evenlight.analysis.comparison import comparison_results as results
 from evenlight.analysis.comparison.comparison_figure import power_figure, shares_figure
-from evenlight.analysis.comparison.comparison_limits import POWER, AnswerLimits, answer_limits, limit_rows
-from evenlight.analysis.comparison.comparison_results import ComparisonResults, SequenceShare, compare
-from evenlight.analysis.comparison.comparison_shares import ShareEstimate
-from evenlight.analysis.comparison.comparison_statistics import power_points, share_points, statistics_of
-from evenlight.analysis.figure_style import png_bytes
-from evenlight.analysis.findings import Drawing, Findings
-from evenlight.analysis.inference.binomial_tests import ALPHA, DEFAULT_MARGIN, Interval
-from evenlight.analysis.inference.cumulative_link import shown_effect
-from evenlight.analysis.report import Cell, Picture, Section, Table
+from evenlight.analysis.comparison.comparison_results import ALL, CHOSEN, FIRST, Comparison, compare
+from evenlight.analysis.inference.binomial_tests import ALPHA, DEFAULT_MARGIN
+from evenlight.analysis.integrity.gate import confounded_order
+from evenlight.analysis.report import Cell, KeyFigure, Picture, Section, Table
 from evenlight.analysis.report_prose import prose, section
+from evenlight.analysis.results import Analysis
+from evenlight.analysis.rows import flag, interval, number, p, p_with_holm, table_of, with_interval
 from evenlight.analysis.session_loading import TaskData
-from evenlight.analysis.wording import in_words, listed, p_text, spaced
+from evenlight.analysis.wording import first_few, in_words, listed, p_in_words, people_noun, percent, spaced
+from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.recordings.viewing import ComparisonTrial
+
+FEWEST = 6  # people; fewer bound no share
+Limits = Mapping[str, float | None]
 
 
 def comparison_findings(
     data: TaskData[ComparisonTrial], seed: int = 1, margin: float = DEFAULT_MARGIN
-) -> Findings:
+) -> Analysis:
     """Return what an artifact comparison found.
 
     Parameters
@@ -43,160 +42,166 @@ def comparison_findings(
         If there is no answer, or no such margin.
     """
     found = compare(data, seed, margin)
-    numbers = answers_per_sequence(found)
-    limits = [answer_limits(n, margin) for n in dict.fromkeys(numbers)]
-    shares = Drawing(
-        "comparison_shares",
-        png_bytes(shares_figure(found)),
-        "Share of answers that took the modulated version for the one whose brightness changed, with 95 % "
-        f"confidence intervals; {found.people} participants. The band is 0.5 ± {margin:g}.",
-        share_points(found),
-    )
-    power = Drawing(
-        "comparison_power",
-        png_bytes(power_figure(numbers, margin)),
-        f"What {numbers[0]} answers and more can show: how often a true share is found to differ from one "
-        "half, and the smallest margin about one half that can be shown at all.",
-        power_points(numbers),
-    )
-    return Findings(
+    numbers = found.answers_per_sequence
+    limits = [results.add_limits(found.rows, n, margin) for n in dict.fromkeys(numbers)]
+    shares, power = shares_figure(found), power_figure(numbers[0], margin)
+    return Analysis(
         name="comparison",
-        lead=lead_of(found, limits),
-        statistics=(*statistics_of(found), *(row for own in limits for row in limit_rows(own))),
+        lead=lead_of(found, limits[0]),
+        rows=tuple(found.rows),
         drawings=(shares, power),
         sections=(
             shares_section(found, shares.picture),
             pooled_section(found),
-            limits_section(limits, power.picture),
+            limits_section(found, limits, power.picture),
         ),
-        warnings=found.warnings,
+        warnings=(*data.warnings, *warnings_of(found)),
+        key_figures=key_figures_of(found, limits[0]),
     )
 
 
-def answers_per_sequence(found: ComparisonResults) -> list[int]:
-    """Return how many people answered about each sequence, the commonest number first.
-
-    One answer of each is what counts as independent, however often they were asked.
-    """
-    numbers = [len(own.estimate.choices.participants) for own in found.sequences if own.estimate is not None]
-    return sorted(numbers, key=lambda n: (-numbers.count(n), -n))
-
-
-def lead_of(found: ComparisonResults, limits: Sequence[AnswerLimits]) -> str:
+def lead_of(found: Comparison, limits: Limits) -> str:
     """Return what came out, in two sentences or three."""
-    own = found.sequences
-    different = [spaced(s.name) for s in own if s.p_holm is not None and s.p_holm <= ALPHA]
-    equal = [spaced(s.name) for s in own if s.equivalence_holm is not None and s.equivalence_holm <= ALPHA]
-    values = {"found": found, "pooled": found.pooled, "own": limits[0], "alpha": ALPHA}
-    return " ".join(prose("comparison_lead", **values, different=different, equal=equal))
+    different, equal = ([spaced(s) for s in found.beyond_chance(t)] for t in ("shares", "equivalence"))
+    values = {"found": found, "pooled": found.pooled, "own": limits, "alpha": ALPHA}
+    values["confound"] = confounded_order(found.data)  # the gate says it
+    differences = found.guessing(results.DIFFERENCE)
+    return " ".join(
+        prose("comparison_lead", **values, differences=differences, different=different, equal=equal)
+    )
 
 
-def shares_section(found: ComparisonResults, picture: Picture) -> Section:
+def key_figures_of(found: Comparison, limits: Limits) -> tuple[KeyFigure, ...]:
+    """Return what came out, how sure it is, and what the order does or what is wrong."""
+    share, find = found.pooled.difference, found.rows.find
+    sure = [] if share.p_value is None else [p_in_words(share.p_value)]
+    if share.ci_low is not None and share.ci_high is not None and found.people >= FEWEST:
+        sure.insert(0, f"95 % CI {100 * share.ci_low:.0f} to {percent(share.ci_high, 0)}")
+    figures = [KeyFigure(percent(found.pooled.choices.share), "of answers chose ours", ", ".join(sure))]
+    if len(found.shares) > 1:
+        words = f"{len(found.beyond_chance('shares'))} of {len(found.shares)}"
+        figures.append(KeyFigure(words, "sequences differ from a coin's 50 %", "exact tests, Holm"))
+    reach = limits["share_found"]
+    mostly = "too few to find any share" if reach is None else f"usually find a share of {percent(reach, 0)}"
+    who = people_noun(found.people, found.data.simulated)
+    figures.append(KeyFigure(f"{found.people}", who, mostly))
+    first = find("order", ALL, FIRST)
+    if found.order.flag:
+        figures.append(KeyFigure("Caution", found.order.flag, warns=True))
+    elif first and first.value is not None and first.p_value is not None:
+        figures.append(
+            KeyFigure(percent(first.value), "chose the first of the two", p_in_words(first.p_value))
+        )
+    return tuple(figures)
+
+
+def warnings_of(found: Comparison) -> list[str]:
+    """Return which answers are missing, and where ours came nearly always in one interval."""
+    trials = found.data.trials
+    people = sorted({trial.participant_id for trial in trials})
+    cells = {(trial.participant_id, trial.sequence) for trial in trials}
+    said = []
+    for name in found.shares:
+        if missing := [who for who in people if (who, name) not in cells]:
+            n = f"{len(missing)} of {len(people)}"
+            said.append(f"comparison of {spaced(name)}: no answer of {n} participants ({first_few(missing)})")
+    if confounded_order(found.data):  # the gate has said it
+        return said
+    over_all = [f"over all sequences {found.order.flag}"] if found.order.flag else []
+    flags = {name: order.flag for name, order in found.orders.items() if not order.unknown}
+    return [*said, *over_all, *(f"comparison of {spaced(name)}: {why}" for name, why in flags.items() if why)]
+
+
+def shares_section(found: Comparison, picture: Picture) -> Section:
     """Return what was chosen, with intervals, tests and equivalence."""
-    shares = [own.estimate for own in found.sequences if own.estimate is not None]
+    shares = [share for share in found.shares.values() if share is not None]
     all_equal = len(shares) > 1 and all(share.equivalent for share in shares)
-    text = section(
+    return section(
         "comparison_shares",
         (_share_table(found), _equality_table(found)),
         (picture,),
+        simulated=found.data.simulated,
         found=found,
-        independent=all(share.exact for share in shares),
-        largest_p=max(share.equivalence_p or 0.0 for share in shares) if all_equal else None,
+        independent=all(share.choices.one_each for share in shares),
+        largest_p=max(share.equivalence.p_value or 0.0 for share in shares) if all_equal else None,
     )
-    return replace(text, simulated=found.data.simulated)
 
 
-def _rows(found: ComparisonResults) -> list[tuple[str, ShareEstimate | None, SequenceShare | None]]:
-    """Return what the tables list: the sequences, then all answers."""
-    rows: list[tuple[str, ShareEstimate | None, SequenceShare | None]]
-    rows = [(in_words(own.name), own.estimate, own) for own in found.sequences]
-    return [*rows, ("All answers", found.pooled, None)] if len(rows) > 1 else rows
+def _names(found: Comparison) -> dict[str, str]:
+    return {name: "All answers" if name == ALL else in_words(name) for name in found.listed}
 
 
-def _share_table(found: ComparisonResults) -> Table:
-    """Return shares, intervals and tests."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, share, own in _rows(found):
-        if share is None:
-            rows.append((name, None, None, None, None, None, None, "no answer"))
-            continue
-        holm = own.p_holm if own else None
-        first = own.order.ours_first if own and own.order.trials else None
-        rows.append((name, *_share_cells(share), p_text(holm), first, share.flag))
-    return Table(
+def _share_table(found: Comparison) -> Table:
+    def chosen(row: Statistic | None) -> tuple[Cell]:
+        share = found.listed[row.group] if row else None
+        return (share.choices.count if share else None,)
+
+    def ours_first(row: Statistic | None) -> tuple[Cell]:
+        order = found.orders.get(row.group) if row else None
+        return (order.ours_first if order and order.trials else None,)
+
+    return found.rows.view(
         "How often the modulated version was taken for the one that changed, with 95 % confidence intervals. "
         "“Ours first”: trials in which it came first.",
+        _names(found),
+        [("shares", CHOSEN, show) for show in (chosen, with_interval, p_with_holm, ours_first, flag)],
         ("sequence", "ours chosen", "share", "95 % CI", "p", "p (Holm)", "ours first", "remark"),
-        tuple(rows),
     )
 
 
-def _share_cells(share: ShareEstimate) -> tuple[Cell, ...]:
-    """Return the cells of a share: its counts as "9 of 17", itself, its interval, p."""
-    count = f"{int(share.choices.chosen.sum())} of {share.choices.total}"
-    return count, f"{share.choices.share:.2f}", _range(share.interval), p_text(share.p_value)
-
-
-def _range(ends: Interval | None) -> str | None:
-    """Return an interval for a cell."""
-    return None if ends is None else f"{ends[0]:.2f} to {ends[1]:.2f}"
-
-
-def _equality_table(found: ComparisonResults) -> Table:
-    """Return equivalence tests and Bayes factors."""
-    rows: list[tuple[Cell, ...]] = []
-    for name, share, own in _rows(found):
-        if share is None:
-            rows.append((name, *[None] * 7))
-            continue
-        exact = share.exact
-        odds: tuple[Cell, ...] = (None, None, None)
-        if exact is not None:
-            odds = (exact.bayes_factor, exact.bayes_factor_within, exact.posterior_within)
-        margin = None if share.smallest_margin is None else f"{share.smallest_margin:.2f}"
-        holm = p_text(own.equivalence_holm if own else None)
-        rows.append((name, _range(share.narrow), p_text(share.equivalence_p), holm, margin, *odds))
-    within = f"0.5 ± {found.margin:g}"
-    return Table(
+def _equality_table(found: Comparison) -> Table:
+    within = found.within
+    return found.rows.view(
         f"Is the share equivalent to one half? p: two one-sided tests of {within}, which the 90 % confidence "
         "interval decides; smallest margin: the smallest that these answers show at 5 %. Bayes "
         f"factors above 1 favour one half (against any other share, uniform), or {within} (against what lies "
         "outside). They and the posterior probability need independent answers.",
-        ("sequence", "90 % CI", "p", "p (Holm)", "smallest margin", "BF for 0.5", f"BF for {within}",
-         f"probability of {within}"),
-        tuple(rows),
-    )  # fmt: skip
+        _names(found),
+        [
+            ("equivalence", f"share within {within}", lambda row: (interval(row),)),
+            ("equivalence", f"share within {within}", p_with_holm),
+            ("equivalence", results.SMALLEST_MARGIN, number),
+            *(("bayes", what, lambda row: (row.value if row else None,)) for what in found.odds),
+        ],
+        (
+            *("sequence", "90 % CI", "p", "p (Holm)", "smallest margin"),
+            *("BF for 0.5", f"BF for {within}", f"probability of {within}"),
+        ),
+    )
 
 
-def pooled_section(found: ComparisonResults) -> Section:
+def pooled_section(found: Comparison) -> Section:
     """Return what all answers together show: the model, the order, and guessing."""
-    fitted, first = found.model.intercept, found.first
-    columns = ("", "count", "share", "95 % CI", "p", "remark")
-    cells = (*_share_cells(first), first.flag) if first else (*[None] * 4, found.order.flag)
-    row = ("first of the two chosen", *cells)
-    text = section(
+    count = (found.first.choices.count if found.first else None,)
+    table = table_of(
+        "Bias to an interval, whichever version it held.",
+        [(FIRST, found.rows.find("order", ALL, FIRST))],
+        (lambda _: count, with_interval, p, flag),
+        ("", "count", "share", "95 % CI", "p", "remark"),
+    )
+    return section(
         "comparison_pooled",
-        (Table("Bias to an interval, whichever version it held.", columns, (row,)),),
+        (table,),
+        simulated=found.data.simulated,
         found=found,
-        effect=None if fitted is None else shown_effect(found.model, fitted),
-        share=lambda end: "–" if end is None else f"{100 * special.expit(end):.0f} %",
+        effect=found.rows.find("model", ALL, results.PREFERENCE),
+        consistency=found.guessing(results.AGREEMENT),
+        differences=found.guessing(results.DIFFERENCE),
+        share=lambda end: "–" if end is None else f"{100 * end:.0f} %",
         alpha=ALPHA,
     )
-    return replace(text, simulated=found.data.simulated)
 
 
-def limits_section(limits: Sequence[AnswerLimits], picture: Picture) -> Section:
+def limits_section(found: Comparison, limits: Sequence[Limits], picture: Picture) -> Section:
     """Return what so many answers can and cannot show."""
-    return section("comparison_limits", (_limits_table(limits),), (picture,), own=limits[0], power=POWER)
-
-
-def _limits_table(limits: Sequence[AnswerLimits]) -> Table:
-    """Return what each number of answers can show, a row for each question."""
-    names = listed([str(own.answers) for own in limits])
-    questions = zip(*(limit_rows(own) for own in limits), strict=True)
-    return Table(
-        f"What {names} answers can show about a share; the margin is {limits[0].margin:g}. Exact, over all "
-        "outcomes.",
-        ("", *(f"{own.answers} answers" for own in limits)),
-        tuple((rows[0].what, *(row.value for row in rows)) for rows in questions),
+    groups = [f"{own['answers']} answers" for own in limits]
+    values = {(row.group, row.what): row.value for row in found.rows.of("limits")}
+    whats = dict.fromkeys(what for _, what in values)
+    table = Table(
+        f"What {listed([str(own['answers']) for own in limits])} answers can show about a share; the margin "
+        f"is {found.margin:g}. Exact, over all outcomes.",
+        ("", *groups),
+        tuple((what, *(values[group, what] for group in groups)) for what in whats),
     )
+    own, power = {**limits[0], "margin": found.margin}, results.POWER
+    return section("comparison_limits", (table,), (picture,), own=own, power=power)

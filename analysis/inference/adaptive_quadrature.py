@@ -17,15 +17,14 @@ deviation of 0 is an inner point and no bound.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers
 
 NODES = (1, 15, 9)  # per axis, with 0, 1, 2 effects: log-likelihoods to 1e-6 up to an SD of 1 logit (tests)
 FINE_NODES = (1, 61, 21)  # for larger ones: to 5e-4 up to SDs of 6, or of 4 and 2 logits
@@ -45,11 +44,8 @@ class Derivatives:
     bb: Array
 
 
-class Density(Protocol):
-    """The log-density of every observation given its linear predictors."""
-
-    def __call__(self, a: Array, b: Array) -> Derivatives:
-        """Return ℓ and its derivatives at a and b, each (P, m, Q); observations that are only padding: 0."""
+# ℓ and its derivatives of every observation at a and b, each (P, m, Q); of what is only padding: 0.
+Density = Callable[[Array, Array], Derivatives]
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +101,7 @@ class Likelihood:
     aside: float = 0.0
 
 
-def padded(values: Array, groups: NDArray[np.int64], filling: float = 0.0) -> Array:
+def padded(values: Array, groups: Integers, filling: float = 0.0) -> Array:
     """Return values (n, ...) by participant, (P, m, ...), filled up to the same number m for each.
 
     >>> padded(np.array([1.0, 2.0, 3.0]), np.array([0, 1, 0])).tolist()
@@ -158,7 +154,7 @@ def marginal_likelihood(model: PaddedModel, parameters: Array, nodes: int | None
     return _with_derivatives(model, at, z, posterior, float(totals.sum()))
 
 
-def posterior_modes(model: PaddedModel, ab: tuple[Array, Array], loads: Array) -> tuple[Array, Array]:
+def _posterior_modes(model: PaddedModel, ab: tuple[Array, Array], loads: Array) -> tuple[Array, Array]:
     """Return each participant's most probable z (P, q) and the curvature there (P, q, q), by Newton's method.
 
     The posterior is log-concave; a step that would lower it is halved, for that participant alone.
@@ -203,7 +199,7 @@ def _shifted(model: PaddedModel, ab: tuple[Array, Array], shift: Array) -> Deriv
 
 
 def _by_effect(model: PaddedModel, at: Derivatives) -> tuple[Array, Array]:
-    """Return first and second derivative of ℓ by the participant effect."""
+    """First and second derivative of ℓ by the participant effect."""
     if model.b_loads:
         return -(at.a + at.b), at.aa + 2 * at.ab + at.bb
     return -at.a, at.aa
@@ -226,7 +222,7 @@ def _adapted_rule(
     q = model.n_effects
     if q == 0:
         return np.zeros((loads.shape[0], 1, 0)), np.zeros((loads.shape[0], 1))
-    mode, curvature = posterior_modes(model, ab, loads)
+    mode, curvature = _posterior_modes(model, ab, loads)
     t, ln_weights = _rule(nodes, q)
     root = np.linalg.inv(np.linalg.cholesky(curvature))  # rootᵀ root = curvature⁻¹
     z = mode[:, None, :] + np.einsum("pkl,qk->pql", root, t)

@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import stats
 
 from evenlight.data_schema.arrays import Array, Integers
@@ -81,9 +81,7 @@ def sign_flip_test(differences: ArrayLike, mid_p: bool = False) -> ExactTest:
     return _found(scores, np.abs(scores), float(scores.sum()), mid_p)
 
 
-def signed_rank_test(
-    differences: ArrayLike, zeros: ZeroHandling = ZeroHandling.PRATT, mid_p: bool = False
-) -> ExactTest:
+def signed_rank_test(differences: ArrayLike, zeros: ZeroHandling = ZeroHandling.PRATT) -> ExactTest:
     """Test whether the differences lie about 0, by Wilcoxon's signed ranks; ties have their mean rank.
 
     Parameters
@@ -92,8 +90,6 @@ def signed_rank_test(
         Whole numbers.
     zeros : ZeroHandling
         What becomes of pairs without a difference.
-    mid_p : bool
-        As in `sign_flip_test`.
 
     >>> dropped = signed_rank_test([0, 2, 2, 5], ZeroHandling.DROPPED)
     >>> signed_rank_test([0, 2, 2, 5]).statistic, dropped.statistic
@@ -104,11 +100,11 @@ def signed_rank_test(
     twice_ranks = np.rint(2 * stats.rankdata(np.abs(ranked))).astype(np.int64)  # midranks are halves
     twice_ranks = np.where(ranked != 0, twice_ranks, 0)
     statistic = float(np.sum(np.sign(ranked) * twice_ranks)) / 2
-    found = _found(ranked, twice_ranks, statistic, mid_p)
+    found = _found(ranked, twice_ranks, statistic)
     return ExactTest(found.statistic, found.p_value, scores.size, found.n_different)
 
 
-def sign_test(differences: ArrayLike, mid_p: bool = False) -> ExactTest:
+def sign_test(differences: ArrayLike) -> ExactTest:
     """Test whether more pairs differ in one direction than in the other; pairs without a difference drop out.
 
     >>> sign_test([4, 1, 1, 0]).p_value  # three of three heads: 2 / 8
@@ -116,7 +112,7 @@ def sign_test(differences: ArrayLike, mid_p: bool = False) -> ExactTest:
     """
     scores = _whole(differences)
     signs = np.sign(scores)
-    return _found(scores, np.abs(signs), float(signs.sum()), mid_p)
+    return _found(scores, np.abs(signs), float(signs.sum()))
 
 
 def sign_flip_p_values(differences: ArrayLike, mid_p: bool = False) -> Array:
@@ -150,7 +146,7 @@ def sign_flip_p_values(differences: ArrayLike, mid_p: bool = False) -> Array:
 
 
 def _whole(differences: ArrayLike) -> Integers:
-    """Return differences as whole numbers, or refuse them: the enumeration needs a lattice."""
+    """Refuse what is no lattice: the enumeration needs one."""
     values = np.asarray(differences, dtype=np.float64)
     if not values.size:
         raise ValueError("an exact paired test needs at least one difference, got none")
@@ -161,8 +157,7 @@ def _whole(differences: ArrayLike) -> Integers:
     return values.astype(np.int64)
 
 
-def _found(scores: Integers, weights: Integers, statistic: float, mid_p: bool) -> ExactTest:
-    """Return the test of Σ sign · weight."""
+def _found(scores: Integers, weights: Integers, statistic: float, mid_p: bool = False) -> ExactTest:
     total = abs(int(np.sum(np.sign(scores) * weights)))
     p_value = float(_tails(weights[None, :], mid_p)[0, total])
     return ExactTest(statistic, p_value, scores.size, int(np.count_nonzero(scores)))
@@ -171,18 +166,17 @@ def _found(scores: Integers, weights: Integers, statistic: float, mid_p: bool) -
 def _tails(weights: Integers, mid_p: bool) -> Array:
     """Return P(|T| >= t) for t = 0, 1, ... of T = Σ ± weight, for each row; with `mid_p` ½ P(|T| = t) less.
 
-    The mid-p of t = 0 is 1, twice the one-sided one.
-
-    T is twice the sum S of the weights with a plus, less their total: |T| = |2 S - total|.
+    The mid-p of t = 0 is 1, twice the one-sided one. T is twice the sum S of the weights with a plus, less
+    their total: |T| = |2 S - total|.
     """
-    probabilities = subset_sum_probabilities(weights)
+    probabilities = _subset_sums(weights)
     rows, width = probabilities.shape
     totals = weights.sum(axis=1)
     size = np.abs(2 * np.arange(width) - totals[:, None])
     row = np.broadcast_to(np.arange(rows)[:, None], size.shape)
     # Sums above a row's own total have probability 0, but may have a |T| beyond the table.
     inside = np.arange(width) <= totals[:, None]
-    exactly: NDArray[np.float64] = np.zeros((rows, width))
+    exactly: Array = np.zeros((rows, width))
     np.add.at(exactly, (row[inside], size[inside]), probabilities[inside])
     at_least = np.cumsum(exactly[:, ::-1], axis=1)[:, ::-1]
     if mid_p:
@@ -190,23 +184,11 @@ def _tails(weights: Integers, mid_p: bool) -> Array:
     return np.minimum(at_least, 1.0)
 
 
-def subset_sum_probabilities(weights: Integers) -> Array:
+def _subset_sums(weights: Integers) -> Array:
     """Return the distribution of the sum of a random subset, each member in it with probability one half.
 
-    All terms are positive and halved exactly, so that the relative error stays below n rounding errors.
-
-    Parameters
-    ----------
-    weights : array of int, (rows, n)
-        At least 0; each row is a set of its own.
-
-    Returns
-    -------
-    array, (rows, largest total + 1)
-        Probability of each sum 0, 1, 2, ...
-
-    >>> subset_sum_probabilities(np.array([[1, 2]])).tolist()  # {}, {1}, {2}, {1, 2}
-    [[0.25, 0.25, 0.25, 0.25]]
+    Of each row of weights (rows, n), at least 0: (rows, largest total + 1). All terms are positive and halved
+    exactly, so that the relative error stays below n rounding errors.
     """
     rows = weights.shape[0]
     sums = np.arange(int(weights.sum(axis=1).max(initial=0)) + 1)
@@ -251,22 +233,8 @@ def subset_counts(scores: Integers, sizes: Integers | None = None) -> tuple[Arra
     return counts, lowest
 
 
-@dataclass(frozen=True, slots=True)
-class GroupTest:
-    """What an exact test between two groups found.
-
-    Attributes
-    ----------
-    difference, p_value : float
-        Mean of the first group less mean of the second, in the unit of the scores; two-sided.
-    """
-
-    difference: float
-    p_value: float
-
-
-def group_test(first: ArrayLike, second: ArrayLike) -> GroupTest:
-    """Test whether two groups have the same mean, by all ways to divide everybody into two such groups.
+def group_p_value(first: ArrayLike, second: ArrayLike) -> float:
+    """Return p of the same mean in two groups, by all ways to divide everybody into two such groups.
 
     Two-sided: p is the share of divisions with at least the |difference of means| that was found (Fisher
     1935; Pagano & Tritchler 1983). The sum of one group says all, as that of both is given.
@@ -276,7 +244,7 @@ def group_test(first: ArrayLike, second: ArrayLike) -> GroupTest:
     first, second : array_like of int, (n1,) and (n2,)
         Whole numbers; at least one in each.
 
-    >>> group_test([2, 3], [0, 1]).p_value  # of six divisions, this one and its mirror image
+    >>> group_p_value([2, 3], [0, 1])  # of six divisions, this one and its mirror image
     0.3333333333333333
     """
     groups = [np.asarray(group, dtype=np.float64) for group in (first, second)]
@@ -290,8 +258,7 @@ def group_test(first: ArrayLike, second: ArrayLike) -> GroupTest:
     # The difference of means goes with n · S less what S is on average, n1 times the sum of all.
     distance = np.abs(everybody.size * sums - one.size * int(everybody.sum()))
     found = abs(everybody.size * int(one.sum()) - one.size * int(everybody.sum()))
-    p_value = float(ways[distance >= found].sum() / ways.sum())
-    return GroupTest(float(one.mean() - other.mean()), min(p_value, 1.0))
+    return min(float(ways[distance >= found].sum() / ways.sum()), 1.0)
 
 
 def holm(p_values: Sequence[float | None]) -> list[float | None]:

@@ -8,14 +8,15 @@ docs/decisions/censored-search-times.md.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.inference.adaptive_quadrature import (
+    Density,
     Derivatives,
     Likelihood,
     PaddedModel,
@@ -24,34 +25,27 @@ from evenlight.analysis.inference.adaptive_quadrature import (
     triangle,
 )
 from evenlight.analysis.inference.fixed_effects import (
-    EffectSpec,
     FitFlag,
-    FittedModel,
     FixedEffect,
-    profiled_effect,
-    unknown_effect,
-)
-from evenlight.analysis.inference.likelihood_search import (
-    HeldParameter,
+    Flag,
     Maximum,
     Objective,
-    WalledLikelihood,
+    Profile,
+    fit_flags,
     maximum,
+    profiled_effect,
+    walled,
 )
 from evenlight.analysis.inference.mixed_designs import (
-    Columns,
-    Sample,
-    estimable_columns,
+    GroupedModel,
+    grouped_design,
     in_row_space,
-    loadings_of,
     reference_of,
     require_effects,
-    slope_of,
     start_of_loadings,
 )
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers, Mask
 
-__all__ = ["CensoredTimes", "Contrast", "FitFlag", "FixedEffect", "TimesFit", "fit_lognormal_times"]
 FURTHEST = 20.0  # an effect beyond it [ln s], over the range of its column, counts as infinite
 LARGEST_SD = 15.0  # a participant SD beyond so many residual ones counts as infinite
 SMALLEST_SCATTER = 1e-6  # of ln(time): less is none
@@ -75,11 +69,11 @@ class CensoredTimes:
         Column whose effect differs between participants too, correlated with their intercept.
     """
 
-    times: NDArray[np.float64]
-    observed: NDArray[np.bool_]
-    design: NDArray[np.float64]
+    times: Array
+    observed: Mask
+    design: Array
     names: tuple[str, ...]
-    groups: NDArray[np.int64]
+    groups: Integers
     slope_column: int | None = None
 
     def __post_init__(self) -> None:
@@ -88,78 +82,47 @@ class CensoredTimes:
             raise ValueError("need at least one time, got none")
         if not ((self.times > 0) & np.isfinite(self.times)).all():
             raise ValueError(f"times must be above 0 and finite, got {self.times.min():g} s")
-        if self.design.shape != (n, len(self.names)) or not self.groups.shape == self.observed.shape == (n,):
-            raise ValueError(
-                f"need a design of shape ({n}, {len(self.names)}), {n} groups and {n} marks of found, got "
-                f"{self.design.shape}, {self.groups.shape} and {self.observed.shape}"
-            )
+        if self.observed.shape != (n,):
+            raise ValueError(f"need {n} marks of found, got {self.observed.shape}")
         if not self.names:
             raise ValueError("need at least one column, the intercept; got none")
-        require_effects(self.design, self.names, self.slope_column)
+        require_effects(n, self.design, self.names, self.groups, self.slope_column)
 
 
-@dataclass(frozen=True, slots=True)
-class TimesModel:
-    """The likelihood model of censored times.
-
-    Attributes
-    ----------
-    padded, start : PaddedModel, array (d,)
-        Parameters: γ = 1/τ, δ = β/τ of the fitted columns, rows of Λ/τ; and where the search starts.
-    columns, slope : Columns, int or None
-        Which columns of the design are fitted, and the one that has a participant effect too.
-    groups : array (n,) of int
-        Participant of each time, 0 to P - 1.
-    """
-
-    padded: PaddedModel
-    start: Array
-    columns: Columns
-    slope: int | None
-    groups: NDArray[np.int64]
-
-
-@dataclass(frozen=True, slots=True)
-class TimeDensity:
-    """The log-density of a time found, or the log-probability of a longer one.
+def _density(found: Mask, sought: Mask) -> Density:
+    """Return the log-density of times found, and the log-probability of longer ones where sought in vain.
 
     With the standardized residual a = γ ln t - x δ - w Λ z (Olsen 1978, Econometrica 46, 1211, for censored
-    normal data): φ(a) γ / t where found, 1 - Φ(a) where not. b is γ.
-
-    Attributes
-    ----------
-    found, sought : array (P, m, 1) of bool
-        Found, and sought in vain; padding is neither.
+    normal data): φ(a) γ / t where found, 1 - Φ(a) where not. b is γ; ln(1/t) is left out. Padding, (P, m, 1)
+    like the rest, is neither found nor sought.
     """
 
-    found: NDArray[np.bool_]
-    sought: NDArray[np.bool_]
-
-    def __call__(self, a: Array, b: Array) -> Derivatives:
-        """Return ℓ, without ln(1/t), and its derivatives."""
+    def density(a: Array, b: Array) -> Derivatives:
         ln_longer = special.log_ndtr(-a)
         hazard = np.exp(-0.5 * a**2 - LN_ROOT_2PI - ln_longer)
         with np.errstate(divide="ignore", invalid="ignore"):  # γ ≤ 0: refused by its value
             ln_scale = np.where(b > 0, np.log(b), -np.inf)
-        inverse = np.where(self.found, 1.0 / b, 0.0)
-        value = np.where(self.found, ln_scale - 0.5 * a**2 - LN_ROOT_2PI, 0.0)
+        inverse = np.where(found, 1.0 / b, 0.0)
+        value = np.where(found, ln_scale - 0.5 * a**2 - LN_ROOT_2PI, 0.0)
         return Derivatives(
-            value=value + np.where(self.sought, ln_longer, 0.0),
-            a=np.where(self.found, -a, 0.0) - np.where(self.sought, hazard, 0.0),
+            value=value + np.where(sought, ln_longer, 0.0),
+            a=np.where(found, -a, 0.0) - np.where(sought, hazard, 0.0),
             b=inverse,
-            aa=np.where(self.found, -1.0, 0.0) - np.where(self.sought, hazard * (hazard - a), 0.0),
+            aa=np.where(found, -1.0, 0.0) - np.where(sought, hazard * (hazard - a), 0.0),
             ab=np.zeros_like(a),
             bb=-(inverse**2),
         )
 
+    return density
 
-def times_model(data: CensoredTimes) -> TimesModel:
-    """Return the model of the times, with what they can tell."""
-    groups = np.unique(data.groups, return_inverse=True)[1].astype(np.int64)
-    columns = estimable_columns(data.design, intercept=False)
-    slope = slope_of(data.slope_column, data.design, groups, columns)
-    fitted = data.design[:, columns.fitted]
-    ln_times = np.log(data.times)
+
+def times_model(data: CensoredTimes) -> GroupedModel:
+    """Return the model of the times, with what they can tell.
+
+    Parameters: γ = 1/τ, δ = β/τ of the fitted columns, rows of Λ/τ.
+    """
+    design = grouped_design(data.design, data.groups, data.slope_column, intercept=False)
+    groups, fitted, ln_times = design.groups, design.fitted, np.log(data.times)
     scale = np.zeros((groups.size, 1 + fitted.shape[1]))
     scale[:, 0] = data.observed
     found = padded(data.observed.astype(np.float64), groups)[:, :, None] > 0
@@ -169,34 +132,30 @@ def times_model(data: CensoredTimes) -> TimesModel:
         b_design=padded(scale, groups),
         a_offset=padded(np.zeros(groups.size), groups),
         b_offset=padded(np.where(data.observed, 0.0, 1.0), groups, 1.0),
-        loadings=padded(loadings_of(data.design, groups, slope), groups),
+        loadings=padded(design.loadings, groups),
         b_loads=False,
-        density=TimeDensity(found, used & ~found),
+        density=_density(found, used & ~found),
     )
-    return TimesModel(model, _start(ln_times, fitted, model), columns, slope, groups)
+    # The least-squares fit of all times as if found, and usual participant effects.
+    beta = np.linalg.lstsq(fitted, ln_times, rcond=None)[0]
+    gamma = 1.0 / max(float(np.std(ln_times - fitted @ beta)), 0.1)
+    start = np.concatenate([[gamma], beta * gamma, start_of_loadings(model.n_effects, START_SD)])
+    return GroupedModel(model, start, design)
 
 
-def leave_no_scatter(data: CensoredTimes, model: TimesModel) -> bool:
+def _leave_no_scatter(data: CensoredTimes, model: GroupedModel) -> bool:
     """Return whether design and participants' own levels and slopes explain every time found exactly.
 
     The likelihood then has no maximum: it grows without bound as the residual standard deviation shrinks.
     """
-    people = np.eye(int(model.groups.max()) + 1)[model.groups]
-    loads = loadings_of(data.design, model.groups, model.slope)
-    own = [people * loads[:, [k]] for k in range(loads.shape[1])]
+    people = np.eye(int(model.design.groups.max()) + 1)[model.design.groups]
+    own = [people * loads[:, None] for loads in model.design.loadings.T]
     explained = np.column_stack([data.design, *own])[data.observed]
     ln_times = np.log(data.times[data.observed])
     beta, _, rank, _ = np.linalg.lstsq(explained, ln_times, rcond=None)
     left = float(np.abs(ln_times - explained @ beta).max())
     # With two times of each and slopes of their own, levels, slopes and scatter merge: no harm is done.
-    return left < SMALLEST_SCATTER and (model.slope is None or ln_times.size > int(rank))
-
-
-def _start(ln_times: Array, fitted: Array, model: PaddedModel) -> Array:
-    """Return the least-squares fit of all times as if found, and usual participant effects."""
-    beta = np.linalg.lstsq(fitted, ln_times, rcond=None)[0]
-    scale = 1.0 / max(float(np.std(ln_times - fitted @ beta)), 0.1)
-    return np.concatenate([[scale], beta * scale, start_of_loadings(model.n_effects, START_SD)])
+    return left < SMALLEST_SCATTER and (model.design.slope is None or ln_times.size > int(rank))
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,8 +186,8 @@ class TimesFit:
         Standard deviations of intercept and slope between participants [ln s]; None without a slope.
     log_likelihood : float or None
         At the maximum, of the times in seconds.
-    n, n_observed, n_groups : int
-        Times, those found, and participants.
+    n, n_groups : int
+        Times and participants.
     flags : tuple of FitFlag
         What to know; empty for nothing.
     """
@@ -240,13 +199,15 @@ class TimesFit:
     slope_sd: float | None
     log_likelihood: float | None
     n: int
-    n_observed: int
     n_groups: int
     flags: tuple[FitFlag, ...]
 
 
 def fit_lognormal_times(
-    data: CensoredTimes, contrasts: tuple[Contrast, ...] = (), profiled: tuple[str, ...] | None = None
+    data: CensoredTimes,
+    contrasts: tuple[Contrast, ...] = (),
+    profiled: tuple[str, ...] | None = None,
+    nodes: int | None = None,
 ) -> TimesFit:
     """Fit the log-normal model of times by maximum likelihood.
 
@@ -259,22 +220,28 @@ def fit_lognormal_times(
     profiled : tuple of str, optional
         Names of the effects and contrasts whose interval and test are by the profile likelihood; the others'
         are by the standard error, which is quicker. None for all.
+    nodes : int, optional
+        Of the quadrature over participants, for each random effect; fewer are quicker.
     """
     n_groups = np.unique(data.groups).size
     flags = (FitFlag.ONE_PARTICIPANT,) if n_groups == 1 else ()
+    names = data.names, [contrast.name for contrast in contrasts]
+    without = partial(times_fit_without_numbers, names, data.times.size, n_groups)
     if not data.observed.any():
-        return _without_numbers(data, contrasts, (FitFlag.NOTHING_OBSERVED, *flags))
+        return without((FitFlag.NOTHING_OBSERVED, *flags))
     model = times_model(data)
-    if leave_no_scatter(data, model):
-        return _without_numbers(data, contrasts, (FitFlag.NO_SCATTER, *flags))
-    objective = WalledLikelihood(partial(marginal_likelihood, model.padded), model.padded.n_fixed, LARGEST_SD)
+    if _leave_no_scatter(data, model):
+        return without((FitFlag.NO_SCATTER, *flags))
+    objective = walled(
+        partial(marginal_likelihood, model.padded, nodes=nodes), model.padded.n_fixed, LARGEST_SD
+    )
     top = maximum(objective, model.start)
-    found = _Fit(data, model, objective, top)
     units = [
         Contrast(name, tuple(row)) for name, row in zip(data.names, np.eye(len(data.names)), strict=True)
     ]
     every = tuple(
-        _effect(found, asked, profiled is None or asked.name in profiled) for asked in (*units, *contrasts)
+        _effect(data, model, (objective, top), asked, profiled is None or asked.name in profiled)
+        for asked in (*units, *contrasts)
     )
     residual_sd = 1 / float(top.parameters[0])
     group_sd, slope_sd = _spread(model, top)
@@ -286,97 +253,82 @@ def fit_lognormal_times(
         slope_sd=slope_sd,
         log_likelihood=top.likelihood.value - float(np.log(data.times[data.observed]).sum()),
         n=data.times.size,
-        n_observed=int(data.observed.sum()),
         n_groups=n_groups,
-        flags=(*flags, *_flags(every, model, top)),
+        flags=(*flags, *fit_flags(every, model, top)),
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Fit:
-    """The data, their model, and where its likelihood is largest."""
-
-    data: CensoredTimes
-    model: TimesModel
-    objective: Objective
-    top: Maximum
-
-
-def _effect(found: _Fit, asked: Contrast, profiled: bool) -> FixedEffect:
+def _effect(
+    data: CensoredTimes,
+    model: GroupedModel,
+    found: tuple[Objective, Maximum],
+    asked: Contrast,
+    profiled: bool,
+) -> FixedEffect:
     """Return a combination of effects, w β: one effect of a design that is turned so that it has it.
 
     X β = X M β' with β'_m = w β for a column m of weight w_m ≠ 0 and β'_l = β_l for the others.
     """
-    data, model = found.data, found.model
     weights = np.asarray(asked.weights, dtype=np.float64)
     if weights.shape != (len(data.names),) or not weights.any():
         raise ValueError(
             f"contrast {asked.name!r} needs {len(data.names)} weights that are not all 0, got {weights}"
         )
     if not in_row_space(weights, data.design):
-        return unknown_effect(asked.name, FitFlag.NOT_ESTIMABLE)
-    kept = weights[list(model.columns.fitted)]
+        return FixedEffect(asked.name, flags=(FitFlag.NOT_ESTIMABLE,))
+    design = model.design
+    kept = weights[list(design.places)]
     m = int(np.argmax(np.abs(kept)))
     turn = np.eye(kept.size)
     turn[m] = -kept / kept[m]
     turn[m, m] = 1 / kept[m]
-    design = data.design[:, model.columns.fitted] @ turn
-    slope = model.slope is not None and bool(weights[model.slope])
-    sample = Sample(model.groups, int(data.observed.sum()), own_variance=True)
-    reference = reference_of(design, m, sample, slope)
-    span = float(np.ptp(design[:, m])) or float(np.abs(design[:, m]).max())
-    wanted = EffectSpec(asked.name, HeldParameter(1 + m, scale=0), span, reference)
-    return profiled_effect(_turned(found, turn), wanted, profiled)
+    turned = design.fitted @ turn
+    slope = design.slope is not None and bool(weights[design.slope])
+    reference = reference_of(turned, m, design.groups, int(data.observed.sum()), slope)
+    span = float(np.ptp(turned[:, m])) or float(np.abs(turned[:, m]).max())
+    profile = Profile(*_turned(*found, turn), 1 + m, scale=0)
+    return profiled_effect(asked.name, profile, span, FURTHEST, reference, profiled)
 
 
-def _turned(found: _Fit, turn: Array) -> FittedModel:
-    """Return the fitted model in the parameters of a turned design."""
-    matrix = np.eye(found.top.parameters.size)
+def _turned(likelihood: Objective, top: Maximum, turn: Array) -> tuple[Objective, Maximum]:
+    """Return a likelihood and its maximum in the parameters of a turned design."""
+    matrix = np.eye(top.parameters.size)
     matrix[1 : 1 + turn.shape[0], 1 : 1 + turn.shape[0]] = turn
-
-    def objective(parameters: Array) -> Likelihood:
-        return changed(found.objective(matrix @ parameters))
 
     def changed(old: Likelihood) -> Likelihood:
         return Likelihood(old.value, matrix.T @ old.gradient, matrix.T @ old.hessian @ matrix)
 
-    top = Maximum(
-        np.asarray(np.linalg.solve(matrix, found.top.parameters)), changed(found.top.likelihood), True
-    )
-    return FittedModel(objective, top, FURTHEST)
+    parameters = np.asarray(np.linalg.solve(matrix, top.parameters))
+    new_top = Maximum(parameters, changed(top.likelihood), True)
+    return lambda theta: changed(likelihood(matrix @ theta)), new_top
 
 
-def _spread(model: TimesModel, top: Maximum) -> tuple[float, float | None]:
-    """Return the standard deviations of the participants' intercepts and slopes [ln s]."""
+def _spread(model: GroupedModel, top: Maximum) -> tuple[float, float | None]:
     padded = model.padded
     factor = triangle(top.parameters[padded.n_fixed :], padded.n_effects) / top.parameters[0]
     sds = np.sqrt(np.diag(factor @ factor.T)).tolist()
     return (sds or [0.0])[0], (sds[1] if len(sds) > 1 else None)
 
 
-def _flags(effects: tuple[FixedEffect, ...], model: TimesModel, top: Maximum) -> list[FitFlag]:
-    """Return what to know of a fit as a whole."""
-    found = {
-        FitFlag.NOT_ESTIMABLE: not all(model.columns.identifiable),
-        FitFlag.SEPARATED: any("infinity" in effect.flag for effect in effects),
-        FitFlag.NOT_CONVERGED: not top.converged,
-    }
-    return [flag for flag, holds in found.items() if holds]
-
-
-def _without_numbers(
-    data: CensoredTimes, contrasts: tuple[Contrast, ...], flags: tuple[FitFlag, ...]
+def times_fit_without_numbers(
+    names: tuple[Sequence[str], Sequence[str]],
+    n: int,
+    n_groups: int,
+    flags: tuple[FitFlag, ...],
+    of_effects: Flag | None = None,
 ) -> TimesFit:
-    """Return a fit that says why there is none."""
-    return TimesFit(
-        effects=tuple(unknown_effect(name, flags[0]) for name in data.names),
-        contrasts=tuple(unknown_effect(contrast.name, flags[0]) for contrast in contrasts),
-        residual_sd=math.nan,
-        group_sd=math.nan,
-        slope_sd=None,
-        log_likelihood=None,
-        n=data.times.size,
-        n_observed=int(data.observed.sum()),
-        n_groups=np.unique(data.groups).size,
-        flags=flags,
+    """Return a fit that says why there is none.
+
+    Parameters
+    ----------
+    names : (sequence of str, sequence of str)
+        Of the effects, and of the contrasts.
+    n, n_groups : int
+        Times and participants.
+    flags, of_effects : tuple of FitFlag, Flag or None
+        Why, for the fit; and for each effect, where the first flag does not say it.
+    """
+    effects, contrasts = (
+        tuple(FixedEffect(name, flags=(of_effects or flags[0],)) for name in own) for own in names
     )
+    return TimesFit(effects, contrasts, math.nan, math.nan, None, None, n, n_groups, flags)

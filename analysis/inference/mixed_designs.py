@@ -9,44 +9,102 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import linalg, special
 
-from evenlight.data_schema.arrays import Array
+from evenlight.analysis.inference.adaptive_quadrature import PaddedModel
+from evenlight.data_schema.arrays import Array, Integers
 
 LEVEL = 0.95  # of every confidence interval
 
 
 @dataclass(frozen=True, slots=True)
-class Columns:
-    """Which columns of a design can be fitted.
+class GroupedDesign:
+    """What a design with participant effects can tell.
 
     Attributes
     ----------
-    fitted : tuple of int
-        A largest set without a column that is a combination of earlier ones.
+    places, fitted : tuple of int, array (n, k)
+        Largest set of columns without one that is a combination of earlier ones, and these columns.
     identifiable : tuple of bool
         Of each column: whether no combination of the others gives it, so that its effect means something.
+    groups : array (n,) of int
+        Participant of each observation, 0 to P - 1.
+    slope : int or None
+        Column whose effect differs between participants too.
+    loadings : array (n, q)
+        What the q participant effects are multiplied with.
     """
 
-    fitted: tuple[int, ...]
+    places: tuple[int, ...]
+    fitted: Array
     identifiable: tuple[bool, ...]
+    groups: Integers
+    slope: int | None
+    loadings: Array
 
 
-def require_effects(design: NDArray[np.float64], names: tuple[str, ...], slope_column: int | None) -> None:
-    """Raise `ValueError` if a design (n, k) of fixed effects is not finite, or has no such slope column."""
+@dataclass(frozen=True, slots=True)
+class GroupedModel:
+    """A likelihood model of observations by participant.
+
+    Attributes
+    ----------
+    padded, start : PaddedModel, array (d,)
+        The observations, and where the search starts.
+    design : GroupedDesign
+        What their design can tell.
+    n_cuts : int
+        Cut points among the parameters; the first of them.
+    """
+
+    padded: PaddedModel
+    start: Array
+    design: GroupedDesign
+    n_cuts: int = 0
+
+
+def require_effects(
+    n: int, design: Array, names: tuple[str, ...], groups: Integers, slope_column: int | None
+) -> None:
+    """Raise `ValueError` unless a design (n, k) is finite, with its names, n groups and that slope column."""
+    if design.shape != (n, len(names)) or groups.shape != (n,):
+        raise ValueError(
+            f"need a design of shape ({n}, {len(names)}) and {n} groups, got {design.shape} and "
+            f"{groups.shape}"
+        )
     if not np.isfinite(design).all():
         raise ValueError("the design must be finite, got nan or infinity")
     if slope_column is not None and not 0 <= slope_column < len(names):
         raise ValueError(f"slope_column must be one of {len(names)} columns, got {slope_column}")
 
 
-def estimable_columns(design: NDArray[np.float64], intercept: bool) -> Columns:
-    """Return which columns of a design (n, k) can be fitted beside an intercept, or without one.
+def grouped_design(
+    design: Array, groups: Integers, slope_column: int | None, intercept: bool
+) -> GroupedDesign:
+    """Return what a design (n, k) with participant effects can tell, beside an intercept or without one.
 
-    >>> estimable_columns(np.array([[0.0, 1.0, 5.0], [1.0, 0.0, 5.0]]), intercept=True)
-    Columns(fitted=(0,), identifiable=(False, False, False))
+    No participant effect with one participant, or with one observation of each: it could not be told from
+    chance. No slope where everybody has one value of its column only.
+
+    >>> grouped_design(np.zeros((3, 0)), np.array([5, 5, 7]), None, intercept=True).loadings.tolist()
+    [[1.0], [1.0], [1.0]]
     """
+    people = np.unique(groups, return_inverse=True)[1].astype(np.int64)
+    places, identifiable = _estimable_columns(design, intercept)
+    alone, slope = int(people.max()) == 0, None
+    if slope_column in places and not alone:
+        own = [np.ptp(design[people == person, slope_column]) for person in range(people.max() + 1)]
+        slope = slope_column if any(own) else None
+    loadings = np.ones((people.size, 1))
+    if alone or np.bincount(people).max() == 1:
+        loadings = loadings[:, :0]
+    elif slope is not None:
+        loadings = np.column_stack([loadings, design[:, slope]])
+    return GroupedDesign(places, design[:, places], identifiable, people, slope, loadings)
+
+
+def _estimable_columns(design: Array, intercept: bool) -> tuple[tuple[int, ...], tuple[bool, ...]]:
+    """Return `places` and `identifiable` of a `GroupedDesign`."""
     scale = np.maximum(np.abs(design).max(axis=0, initial=0.0), 1e-300)
     scaled: Array = design / scale
     if intercept:
@@ -63,10 +121,10 @@ def estimable_columns(design: NDArray[np.float64], intercept: bool) -> Columns:
             kept.append(j)
     every = list(range(scaled.shape[1]))
     apart = [rank([i for i in every if i != j]) < len(kept) for j in every]
-    return Columns(tuple(j - first for j in kept[first:]), tuple(apart[first:]))
+    return tuple(j - first for j in kept[first:]), tuple(apart[first:])
 
 
-def in_row_space(weights: Array, design: NDArray[np.float64]) -> bool:
+def in_row_space(weights: Array, design: Array) -> bool:
     """Return whether the combination w β of a design's effects is determined: w is a mixture of its rows.
 
     >>> in_row_space(np.array([1.0, -1.0]), np.array([[1.0, 1.0], [2.0, 2.0]]))
@@ -78,44 +136,8 @@ def in_row_space(weights: Array, design: NDArray[np.float64]) -> bool:
     return bool(np.abs(rest).max() <= 1e-8 * np.abs(wanted).max())
 
 
-def slope_of(
-    wanted: int | None, design: NDArray[np.float64], groups: NDArray[np.int64], columns: Columns
-) -> int | None:
-    """Return the column with a participant effect, if the data can tell of one.
-
-    None with one participant, or where everybody has one value of the column only.
-    """
-    if wanted is None or wanted not in columns.fitted or groups.max() == 0:
-        return None
-    low, high = np.full(groups.max() + 1, np.inf), np.full(groups.max() + 1, -np.inf)
-    np.minimum.at(low, groups, design[:, wanted])
-    np.maximum.at(high, groups, design[:, wanted])
-    return wanted if (low < high).any() else None
-
-
-def loadings_of(design: NDArray[np.float64], groups: NDArray[np.int64], slope: int | None) -> Array:
-    """Return what the participant effects are multiplied with, (n, q).
-
-    q = 0 with one participant, or with one observation of each: then no effect can be told from chance.
-
-    >>> loadings_of(np.zeros((3, 0)), np.array([0, 0, 1]), None).tolist()
-    [[1.0], [1.0], [1.0]]
-    """
-    ones = np.ones((groups.size, 1))
-    if groups.max() == 0 or np.bincount(groups).max() == 1:
-        return ones[:, :0]
-    return ones if slope is None else np.column_stack([ones, design[:, slope]])
-
-
 def start_of_loadings(n_effects: int, usual: tuple[float, float]) -> list[float]:
-    """Return where a search begins for the rows of Λ: no correlation, and the usual standard deviations.
-
-    Parameters
-    ----------
-    n_effects : int
-        q: 0, 1 for an intercept, 2 for a slope too.
-    usual : (float, float)
-        Standard deviations of intercept and slope between participants.
+    """Return where a search begins for the rows of Λ of q effects: the usual SDs, and no correlation.
 
     >>> start_of_loadings(2, (0.4, 0.3))
     [0.4, 0.0, 0.3]
@@ -166,27 +188,12 @@ class NullDistribution:
         return float(special.stdtrit(self.df, (1 + LEVEL) / 2))
 
 
-@dataclass(frozen=True, slots=True)
-class Sample:
-    """What an effect is tested against.
-
-    Attributes
-    ----------
-    groups : array (n,) of int
-        Participant of each observation, 0 to P - 1.
-    informative : int
-        Observations that tell a value: all answers, or the times that are not censored.
-    own_variance : bool
-        Whether the scatter of single observations is estimated (times), or follows from the model (answers).
-    """
-
-    groups: NDArray[np.int64]
-    informative: int
-    own_variance: bool
-
-
 def reference_of(
-    design: NDArray[np.float64], index: int, sample: Sample, varies: bool = False
+    design: Array,
+    index: int,
+    groups: Integers,
+    timed: int | None = None,
+    varies: bool = False,
 ) -> NullDistribution:
     """Return what the test of one column of a design is compared with.
 
@@ -201,24 +208,28 @@ def reference_of(
         All columns, with one of ones if the model has an intercept of its own.
     index : int
         The column tested.
-    sample : Sample
-        The observations.
+    groups : array (n,) of int
+        Participant of each observation, 0 to P - 1.
+    timed : int, optional
+        Of times, how many are not censored: the scatter of single ones is estimated. That of answers follows
+        from the model.
     varies : bool
         Whether the effect itself differs between participants.
     """
-    n_groups, k = int(sample.groups.max()) + 1, design.shape[1]
+    n_groups, k = int(groups.max()) + 1, design.shape[1]
+    informative = groups.size if timed is None else timed
     if n_groups == 1:
-        return NullDistribution(sample.informative - k, sample.informative if sample.own_variance else None)
+        return NullDistribution(informative - k, timed)
     if varies:
         return NullDistribution(n_groups - 1, n_groups)
-    between = between_directions(design, sample.groups)
-    if weight_of_people(design, index, sample.groups) > 0.5:
+    between = between_directions(design, groups)
+    if weight_of_people(design, index, groups) > 0.5:
         return NullDistribution(n_groups - between, n_groups)
-    units = sample.informative - n_groups
-    return NullDistribution(units - (k - between), units if sample.own_variance else None)
+    units = informative - n_groups
+    return NullDistribution(units - (k - between), None if timed is None else units)
 
 
-def weight_of_people(design: NDArray[np.float64], index: int, groups: NDArray[np.int64]) -> float:
+def weight_of_people(design: Array, index: int, groups: Integers) -> float:
     """Return by how much the differences between participants enter the variance of an effect.
 
     Var = (σ² + λ σ_u²) / Σ x̃² with what the other columns do not explain of the column, x̃, and
@@ -234,7 +245,7 @@ def weight_of_people(design: NDArray[np.float64], index: int, groups: NDArray[np
     return float(np.sum(np.bincount(groups, weights=own) ** 2) / (own @ own))
 
 
-def between_directions(design: NDArray[np.float64], groups: NDArray[np.int64]) -> int:
+def between_directions(design: Array, groups: Integers) -> int:
     """Return how many combinations of a design's columns compare participants rather than their answers.
 
     >>> design = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])

@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import optimize
+
+from evenlight.data_schema.arrays import Array, Integers
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,10 +24,10 @@ class GroupedEstimates:
         Which participant each value belongs to, 0 to P - 1.
     """
 
-    values: NDArray[np.float64]
-    standard_errors: NDArray[np.float64]
-    design: NDArray[np.float64]
-    groups: NDArray[np.int64]
+    values: Array
+    standard_errors: Array
+    design: Array
+    groups: Integers
 
     @property
     def n_groups(self) -> int:
@@ -49,8 +50,8 @@ class MixedModelFit:
         Restricted log-likelihood at the estimate.
     """
 
-    coefficients: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    coefficients: Array
+    covariance: Array
     group_sd: float
     residual_sd: float
     log_likelihood: float
@@ -69,35 +70,28 @@ def fit_mixed_model(data: GroupedEstimates) -> MixedModelFit:
     stacked = np.column_stack([data.design, data.values])
     membership = (data.groups[:, None] == np.arange(data.n_groups)).astype(np.float64)
 
-    def sds(parameters: NDArray[np.float64]) -> tuple[float, float]:
-        return (
-            float(abs(parameters[0])) * scale * free_group,
-            float(abs(parameters[1])) * scale * free_residual,
-        )
+    def solved(parameters: Array) -> MixedModelFit:
+        group_sd = float(abs(parameters[0])) * scale * free_group
+        residual_sd = float(abs(parameters[1])) * scale * free_residual
+        return _solve(data.standard_errors, stacked, membership, group_sd, residual_sd)
 
-    def cost(parameters: NDArray[np.float64]) -> float:
-        return -_solve(data, (stacked, membership), *sds(parameters)).log_likelihood
+    def cost(parameters: Array) -> float:
+        return -solved(parameters).log_likelihood
 
     starts = (np.array([0.7, 0.3]), np.array([0.1, 0.7]))
     runs = [optimize.fmin(cost, start, xtol=1e-7, ftol=1e-10, maxiter=600, disp=False) for start in starts]
-    return _solve(data, (stacked, membership), *sds(min(runs, key=cost)))
+    return solved(min(runs, key=cost))
 
 
 def _solve(
-    data: GroupedEstimates,
-    tables: tuple[NDArray[np.float64], NDArray[np.float64]],
-    group_sd: float,
-    residual_sd: float,
+    errors: Array, stacked: Array, membership: Array, group_sd: float, residual_sd: float
 ) -> MixedModelFit:
     """Return the generalized least-squares solution and the restricted likelihood for given variances.
 
-    `tables` are (X | y), (n, k + 1), and who each value is of, (n, P): the same for all variances.
-
-    V_p = diag(d) + σ_u² 11ᵀ is inverted by Sherman and Morrison: V⁻¹ = W - c_p w wᵀ with W = diag(1/d),
-    w = 1/d and c_p = σ_u² / (1 + σ_u² Σ w).
+    Of (X | y), (n, k + 1), and who each value is of, (n, P). V_p = diag(d) + σ_u² 11ᵀ is inverted by Sherman
+    and Morrison: V⁻¹ = W - c_p w wᵀ with W = diag(1/d), w = 1/d and c_p = σ_u² / (1 + σ_u² Σ w).
     """
-    weights = 1.0 / (data.standard_errors**2 + residual_sd**2)
-    stacked, membership = tables
+    weights = 1.0 / (errors**2 + residual_sd**2)
     weighted = weights[:, None] * stacked
     sums = membership.T @ weighted
     total = weights @ membership
@@ -108,7 +102,7 @@ def _solve(
     coefficients = covariance @ moment
     log_det_v = float(np.sum(np.log1p(group_sd**2 * total)) - np.sum(np.log(weights)))
     log_det_x = float(np.linalg.slogdet(information)[1])
-    df = data.values.size - data.design.shape[1]
+    df = errors.size - coefficients.size
     misfit = float(square - moment @ coefficients)
     likelihood = -0.5 * (log_det_v + log_det_x + misfit + df * np.log(2 * np.pi))
     return MixedModelFit(coefficients, covariance, group_sd, residual_sd, likelihood)

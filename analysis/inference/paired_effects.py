@@ -9,7 +9,7 @@ their exact coverage, from all histograms of 17 differences (docs/decisions/rati
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,12 +39,15 @@ class Effect:
         95 % confidence interval; None where there is none.
     flag : str
         Why it is missing, or should be looked at.
+    p_value : float or None
+        Of the test that goes with it; None where there is none.
     """
 
     value: float | None
     ci_low: float | None = None
     ci_high: float | None = None
     flag: str = ""
+    p_value: float | None = None
 
 
 def mean_difference(differences: ArrayLike, step: float = 1.0) -> Effect:
@@ -65,7 +68,7 @@ def mean_difference(differences: ArrayLike, step: float = 1.0) -> Effect:
     n, mean = values.size, float(values.mean())
     if n < 2:
         return Effect(mean, flag="one pair: no interval")
-    half = _t_quantile(n) * _adjusted_sd(values, step) / math.sqrt(n)
+    half = _t_quantile(n - 1) * _adjusted_sd(values, step) / math.sqrt(n)
     return Effect(mean, mean - half, mean + half, _alike(values))
 
 
@@ -98,12 +101,12 @@ def exact_mean_difference(scores: Integers, step: float) -> Effect:
 def within(effect: Effect, lowest: float, highest: float) -> Effect:
     """Return an effect whose interval keeps to what the scale can show.
 
-    >>> within(Effect(3.5, 2.0, 5.0), -4, 4)
-    Effect(value=3.5, ci_low=2.0, ci_high=4, flag='')
+    >>> within(Effect(3.5, 2.0, 5.0), -4, 4).ci_high
+    4
     """
     low = None if effect.ci_low is None else max(effect.ci_low, lowest)
     high = None if effect.ci_high is None else min(effect.ci_high, highest)
-    return Effect(effect.value, low, high, effect.flag)
+    return replace(effect, ci_low=low, ci_high=high)
 
 
 def group_difference(first: ArrayLike, second: ArrayLike, step: float = 1.0) -> Effect:
@@ -123,7 +126,7 @@ def group_difference(first: ArrayLike, second: ArrayLike, step: float = 1.0) -> 
     # The pseudo answers lie about each group's own median, as those of pairs do about no difference.
     spreads = [_adjusted_sd(g - np.sort(g)[(g.size - 1) // 2], step) ** 2 / g.size for g in groups]
     freedom = sum(spreads) ** 2 / sum(s**2 / (g.size - 1) for s, g in zip(spreads, groups, strict=True))
-    half = float(special.stdtrit(freedom, (1 + LEVEL) / 2)) * math.sqrt(sum(spreads))
+    half = _t_quantile(freedom) * math.sqrt(sum(spreads))
     return Effect(value, value - half, value + half)
 
 
@@ -142,12 +145,8 @@ def standardized_difference(differences: ArrayLike, step: float = 1.0) -> Effect
     """
     values = np.asarray(differences, dtype=np.float64)
     if values.size < 2 or not np.ptp(values) > 0:
-        few = (
-            "one pair: no spread"
-            if values.size < 2
-            else f"all {values.size} differences are alike: no spread"
-        )
-        return Effect(None, flag=few)
+        few = "one pair" if values.size < 2 else f"all {values.size} differences are alike"
+        return Effect(None, flag=f"{few}: no spread")
     mean, sd = float(values.mean()), float(values.std(ddof=1))
     ends = [_noncentral_interval(mean / spread, values.size) for spread in (sd, _adjusted_sd(values, step))]
     low, high = min(low for low, _ in ends), max(high for _, high in ends)
@@ -155,10 +154,15 @@ def standardized_difference(differences: ArrayLike, step: float = 1.0) -> Effect
     return Effect(mean / sd, low, high, f"beyond {LARGE_D_Z:g} few ratings do not tell their spread" * large)
 
 
+def _with_pseudo_pairs(values: Array, step: float) -> tuple[Array, Array]:
+    """Return the differences with those of the pseudo pairs, and their weights."""
+    everything = np.concatenate([values, step * np.array(PSEUDO_STEPS)])
+    return everything, np.concatenate([np.ones(values.size), PSEUDO_PAIRS])
+
+
 def _adjusted_sd(values: Array, step: float) -> float:
     """Return the SD (n - 1) of the differences with the pseudo pairs among them: never 0."""
-    everything = np.concatenate([values, step * np.array(PSEUDO_STEPS)])
-    weights = np.concatenate([np.ones(values.size), PSEUDO_PAIRS])
+    everything, weights = _with_pseudo_pairs(values, step)
     mean = np.average(everything, weights=weights)
     return float(np.sqrt(np.sum(weights * (everything - mean) ** 2) / (weights.sum() - 1)))
 
@@ -170,13 +174,11 @@ def _noncentral_interval(d_z: float, n: int) -> tuple[float, float]:
     return (ends[0], ends[1]) if d_z >= 0 else (-ends[1], -ends[0])
 
 
-def _t_quantile(n: int) -> float:
-    """Return the 97.5 % point of Student's t with n - 1 degrees of freedom."""
-    return float(special.stdtrit(n - 1, (1 + LEVEL) / 2))
+def _t_quantile(df: float) -> float:
+    return float(special.stdtrit(df, (1 + LEVEL) / 2))
 
 
 def _alike(values: Array) -> str:
-    """Return that there is no spread, if there is none."""
     if np.ptp(values) > 0:
         return ""
     return f"all {values.size} differences are alike: the interval rests on two pseudo pairs"
@@ -253,12 +255,11 @@ def rank_biserial(differences: ArrayLike, step: float = 1.0) -> Effect:
     value = float(np.triu(signs).sum() / (n * (n + 1) / 2))
     if n < 2:
         return Effect(value, flag="one pair: no interval")
-    everything = np.concatenate([values, step * np.array(PSEUDO_STEPS)])
-    weights = np.concatenate([np.ones(n), PSEUDO_PAIRS])
+    everything, weights = _with_pseudo_pairs(values, step)
     projections = np.sign(everything[:, None] + everything) @ weights / weights.sum()
     centre = float(np.average(projections, weights=weights))
     variance = np.sum(weights * (projections - centre) ** 2) / (weights.sum() - 1)
-    half = _t_quantile(n) * 2 * math.sqrt(variance / n)
+    half = _t_quantile(n - 1) * 2 * math.sqrt(variance / n)
     return Effect(
         value, max(min(centre - half, value), -1.0), min(max(centre + half, value), 1.0), _alike(values)
     )

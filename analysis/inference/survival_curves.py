@@ -9,18 +9,18 @@ holds one half (Brookmeyer & Crowley, 1982).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.data_schema.arrays import Array
+from evenlight.analysis.inference.paired_effects import Effect
+from evenlight.data_schema.arrays import Array, Mask
 
 NOT_REACHED = "not reached: no more than half were found"
 NO_UPPER_END = "the interval has no upper end: perhaps half are never found within the time"
 TOO_FEW = "too few for an interval"
 
+LEVEL = 0.95  # of the intervals
 HALF = 0.5 + 1e-12  # products of shares that are one half may miss it by a rounding
 
 
@@ -34,32 +34,20 @@ class SurvivalCurve:
         When something was found, rising [s].
     survival, low, high : array (k,)
         Share not yet found from then on, and the ends of its pointwise confidence interval.
-    n, n_found : int
-        How many were searched for, and found.
-    last : float
-        Longest time that was watched: beyond it nothing is known [s].
-    median, median_low, median_high : float or None
+    median : Effect
         Time until half are found, and its confidence interval [s]; None where it was not reached, or has no
-        such end.
-    flag : str
-        What is to be said about the median; empty for nothing.
+        such end, as its flag says.
     """
 
     times: Array
     survival: Array
     low: Array
     high: Array
-    n: int
-    n_found: int
-    last: float
-    median: float | None
-    median_low: float | None
-    median_high: float | None
-    flag: str = ""
+    median: Effect
 
 
-def kaplan_meier(times: Array, found: NDArray[np.bool_], level: float = 0.95) -> SurvivalCurve:
-    """Return the Kaplan-Meier curve of search times.
+def kaplan_meier(times: Array, found: Mask) -> SurvivalCurve:
+    """Return the Kaplan-Meier curve of search times, with 95 % intervals.
 
     Parameters
     ----------
@@ -67,30 +55,29 @@ def kaplan_meier(times: Array, found: NDArray[np.bool_], level: float = 0.95) ->
         Until found, or until the search was given up [s]; n >= 1.
     found : array (n,) of bool
         Whether found.
-    level : float
-        Of the intervals.
 
     >>> half = kaplan_meier(np.array([2.0, 3.0, 30.0]), np.array([True, True, False]))
-    >>> half.median, half.survival.round(3).tolist()
+    >>> half.median.value, half.survival.round(3).tolist()
     (3.0, [0.667, 0.333])
     """
-    last = float(np.max(times))
-    nothing = np.zeros(0)
+    from statsmodels.duration.survfunc import SurvfuncRight  # a second to import
+
     if not np.any(found):
-        return SurvivalCurve(
-            nothing, nothing, nothing, nothing, times.size, 0, last, None, None, None, NOT_REACHED
-        )
-    curve = _survfunc(times, found)
+        none = np.zeros(0)
+        return SurvivalCurve(none, none, none, none, Effect(None, flag=NOT_REACHED))
+    curve = SurvfuncRight(times, found.astype(int))  # with Greenwood's standard error
     event = curve.n_events > 0
     at, survival = curve.surv_times[event], curve.surv_prob[event]
-    low, high = _log_log_interval(survival, curve.surv_prob_se[event], level)
-    median = _middle(at, survival)
+    low, high = _log_log_interval(survival, curve.surv_prob_se[event])
+    # The median of an even number is the usual one: the middle of the time for which the curve is one half.
+    # Where it stays there to the end, nobody knows when more than half would be found.
+    first, below = _first(at, survival <= HALF), _first(at, survival < 1 - HALF)
+    median = None if first is None or below is None else (first + below) / 2
     ends = _first(at, low <= HALF), _first(at, high <= HALF)
     flag = NOT_REACHED if median is None else NO_UPPER_END if ends[1] is None else ""
-    if 2.0 ** (1 - times.size) > 1 - level:  # all could lie on one side of the median more often than that
+    if 2.0 ** (1 - times.size) > 1 - LEVEL:  # all could lie on one side of the median more often than that
         ends, flag = (None, None), flag or TOO_FEW
-    n_found = int(np.count_nonzero(found))
-    return SurvivalCurve(at, survival, low, high, times.size, n_found, last, median, *ends, flag)
+    return SurvivalCurve(at, survival, low, high, Effect(median, *ends, flag))
 
 
 def restricted_mean(curve: SurvivalCurve, limit: float) -> float:
@@ -112,16 +99,9 @@ def restricted_mean(curve: SurvivalCurve, limit: float) -> float:
     return float(np.sum(np.diff(edges) * heights))
 
 
-def _survfunc(times: Array, found: NDArray[np.bool_]) -> Any:
-    """Return statsmodels' estimate, with Greenwood's standard error."""
-    from statsmodels.duration.survfunc import SurvfuncRight  # a second to import
-
-    return SurvfuncRight(times, found.astype(int))
-
-
-def _log_log_interval(survival: Array, error: Array, level: float) -> tuple[Array, Array]:
+def _log_log_interval(survival: Array, error: Array) -> tuple[Array, Array]:
     """Return the pointwise interval S^exp(±z se / (S ln S)); where S is 0 there is none but 0 itself."""
-    z = float(special.ndtri(0.5 + level / 2))
+    z = float(special.ndtri(0.5 + LEVEL / 2))
     low, high = np.zeros_like(survival), np.zeros_like(survival)
     some = survival > 1e-12
     spread = z * error[some] / (survival[some] * np.log(survival[some]))  # below 0
@@ -130,16 +110,5 @@ def _log_log_interval(survival: Array, error: Array, level: float) -> tuple[Arra
     return low, high
 
 
-def _middle(times: Array, survival: Array) -> float | None:
-    """Return when the curve passes one half; the middle of the time for which it is just that.
-
-    So the median of an even number of times is the usual one. Where the curve stays at one half to the end,
-    nobody knows when more than half would be found.
-    """
-    first, below = _first(times, survival <= HALF), _first(times, survival < 1 - HALF)
-    return None if first is None or below is None else (first + below) / 2
-
-
-def _first(times: Array, reached: NDArray[np.bool_]) -> float | None:
-    """Return the first time at which something holds; None if it never does."""
+def _first(times: Array, reached: Mask) -> float | None:
     return float(times[np.argmax(reached)]) if np.any(reached) else None

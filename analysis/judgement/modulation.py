@@ -11,21 +11,20 @@ see is judged beside it, because the scale says little by itself.
 from __future__ import annotations
 
 import importlib.util
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.judgement.judgement import JudgedVideo
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.data_schema.tracks.judgement import ModulationStretch
 from evenlight.method.contrast.luminance import dimmed_luminance, drawn_luminance, linear_channels
 from evenlight.stimuli.video.frame_conversion import coarser
-from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, seen_video
+from evenlight.stimuli.video.video_source import VideoSource, frames_at
+from evenlight.stimuli.video.viewing_geometry import seen_video
 
 PACKAGE = "pycvvdp"
 STRETCHES = 2  # at most: those in which the track moves most
@@ -47,15 +46,7 @@ def installed_metric() -> Metric | None:
 def colour_video_vdp(
     test: Light, reference: Light, frames_per_second: float, pixels_per_degree: float, peak: float
 ) -> float:
-    """Return the quality of a stretch of video beside its reference, by ColorVideoVDP on the processor [JOD].
-
-    Parameters
-    ----------
-    test, reference : array, (frames, height, width, 3)
-        Linear R, G, B of Rec. 709 that reach the eye [cd/m^2].
-    frames_per_second, pixels_per_degree, peak : float
-        How it is seen; the highest luminance that there can be [cd/m^2].
-    """
+    """Return the quality of a stretch beside its reference, by ColorVideoVDP on the processor [JOD]."""
     import pycvvdp
     import torch
 
@@ -75,18 +66,9 @@ def colour_video_vdp(
 
 
 def judged_modulation(
-    judged: JudgedVideo, metric: Metric | None
+    source: VideoSource, display: Display, track: BrightnessTrack, metric: Metric | None
 ) -> tuple[tuple[ModulationStretch, ...], str]:
-    """Return how visible a metric finds a track's movement where it moves most, and a note.
-
-    Parameters
-    ----------
-    judged : JudgedVideo
-        The track.
-    metric : callable or None
-        Compares two videos; None where there is none.
-    """
-    track = judged.loaded.track
+    """Return how visible a metric finds a track's movement where it moves most, and a note."""
     rate = 1 / float(np.median(np.diff(track.times))) if len(track.times) > 1 else 0.0
     if metric is None:
         return (), "ColorVideoVDP is not installed: pip install '.[judge]' in the checkout"
@@ -96,22 +78,12 @@ def judged_modulation(
     begins = busiest_stretches(track, length)
     if not begins:
         return (), "ColorVideoVDP was not asked: the track does not move"
-    found = tuple(
-        _judged(content, judged, begin, rate, metric) for begin, content in _contents(judged, begins, length)
-    )
+    found = tuple(_judged(source, display, track, metric, (begin, length, rate)) for begin in begins)
     return found, f"the {len(found)} stretches of {LENGTH:g} s in which the track moves most"
 
 
 def busiest_stretches(track: BrightnessTrack, length: int) -> tuple[int, ...]:
-    """Return the first frames of stretches in which the factor changes most, apart from each other, in order.
-
-    Parameters
-    ----------
-    track : BrightnessTrack
-        The track.
-    length : int
-        How many frames a stretch has; all there are, if they are fewer.
-    """
+    """Return the first frames of stretches of so many frames in which the factor changes most, in order."""
     n = len(track.factors)
     moved = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(np.log(track.factors))))])
     ends = np.minimum(np.arange(n) + length, n) - 1
@@ -124,68 +96,47 @@ def busiest_stretches(track: BrightnessTrack, length: int) -> tuple[int, ...]:
     return tuple(sorted(chosen))
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Content:
-    """A stretch of a video at full brightness, as small as it is judged."""
-
-    emitted: Light  # [cd/m^2]
-    pixels_per_degree: float  # of the small frames
-
-
-def _contents(judged: JudgedVideo, begins: tuple[int, ...], length: int) -> Iterator[tuple[int, _Content]]:
-    """Yield the stretches that begin at some frames, decoding the video once, up to the last of them."""
-    field_of_view = judged.loaded.track.header.field_of_view
-    shown, geometry = seen_video(judged.source.frames(), judged.display, field_of_view, judged.source.name)
-    held, waiting, last = list[Frame](), list(begins), len(judged.loaded.track.times)
-    for number, frame in enumerate(shown):
-        if number >= waiting[0]:
-            held.append(Frame(frame.time, frame.duration, frame.pixel_values.copy()))
-        if held and (len(held) == length or number == last - 1):
-            yield waiting.pop(0), _content(held, geometry)
-            held = []
-        if not waiting:
-            return
-
-
-def _content(frames: list[Frame], geometry: ViewingGeometry) -> _Content:
-    """Return the light of frames, averaged to few pixels."""
-    display = geometry.display
-    height, width = frames[0].pixel_values.shape[:2]
-    fewer = min((MOST_PIXELS / (height * width)) ** 0.5, 1.0)
-    size = max(round(height * fewer), 1), max(round(width * fewer), 1)
-    small = coarser(frames, size, display.gamma) if fewer < 1 else frames
-    linear = np.array([linear_channels(frame.pixel_values, display.gamma) for frame in small])
-    emitted = display.black_level + (display.peak_luminance - display.black_level) * linear
-    return _Content(emitted.astype(np.float32), display.pixels_per_degree * size[1] / width)
-
-
 def _judged(
-    content: _Content, judged: JudgedVideo, begin: int, rate: float, metric: Metric
+    source: VideoSource,
+    display: Display,
+    track: BrightnessTrack,
+    metric: Metric,
+    stretch: tuple[int, int, float],
 ) -> ModulationStretch:
-    """Return what the metric says of the track in a stretch, and of a flicker."""
-    track, display = judged.loaded.track, judged.display
+    """Return what the metric says of the track in a stretch (first frame, length, rate), and of a flicker."""
+    begin, length, rate = stretch
+    numbers = range(begin, min(begin + length, len(track.times)))
+    emitted, pixels_per_degree = _emitted(source, display, track.header.field_of_view, numbers)
     light = drawn_luminance if track.header.actuator is Actuator.PIXELS else dimmed_luminance
-    frames = slice(begin, begin + len(content.emitted))
-    factors, times = track.factors[frames], track.times[frames]
+    factors, times = track.factors[numbers], track.times[numbers]
     wave = np.where(np.sin(2 * np.pi * FLICKER_FREQUENCY * (times - times[0]) + 0.1) >= 0, 1.0, -1.0)
-    mean, peak = (
-        float(factors.mean()),
-        float((1 + FLICKER) * content.emitted.max() + display.reflected_luminance),
-    )
+    mean = float(factors.mean())
+    peak = float((1 + FLICKER) * emitted.max() + display.reflected_luminance)
 
     def seen(b: Array) -> Light:
-        return light(content.emitted, b[:, None, None, None], display).astype(np.float32)
+        return light(emitted, b[:, None, None, None], display).astype(np.float32)
 
-    even = seen(np.full(len(factors), mean))
-    ours, flicker = (
-        metric(seen(b), even, rate, content.pixels_per_degree, peak)
-        for b in (factors, mean * (1 + FLICKER * wave))
-    )
+    even, flicker = seen(np.full(len(factors), mean)), mean * (1 + FLICKER * wave)
+    ours, flickers = (metric(seen(b), even, rate, pixels_per_degree, peak) for b in (factors, flicker))
     return ModulationStretch(
         begin=float(times[0]),
         end=float(times[-1]),
         lowest_factor=float(factors.min()),
         highest_factor=float(factors.max()),
         jod=ours,
-        jod_flicker=flicker,
+        jod_flicker=flickers,
     )
+
+
+def _emitted(
+    source: VideoSource, display: Display, field_of_view: float | None, numbers: range
+) -> tuple[Light, float]:
+    """Return the light of frames at full brightness, averaged to few pixels, and their pixels per degree."""
+    shown, geometry = seen_video(frames_at(source, numbers), display, field_of_view, source.name)
+    display, (width, height) = geometry.display, geometry.shown_size
+    fewer = min((MOST_PIXELS / (height * width)) ** 0.5, 1.0)
+    size = max(round(height * fewer), 1), max(round(width * fewer), 1)
+    small = coarser(shown, size, display.gamma) if fewer < 1 else shown
+    linear = np.array([linear_channels(frame.pixel_values, display.gamma) for frame in small])
+    emitted = display.black_level + (display.peak_luminance - display.black_level) * linear
+    return emitted.astype(np.float32), display.pixels_per_degree * size[1] / width

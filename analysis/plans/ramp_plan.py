@@ -1,293 +1,362 @@
-"""Planning a calibration: trials, minutes and participants for a wanted precision of ΔL(L), by simulation.
+"""Planning a calibration: participants, trials and minutes for a wanted precision of ΔL(L).
 
-A pool of simulated participants goes through each design once. Experiments of fewer trials are its
-beginnings, experiments of N participants are draws of N from it, with replacement; each is analysed as real
-data would be. The band is what an experimenter would report; the error, against the known truth, is what
-they would be wrong by.
+Simulated participants go through each design once; their first ramps are a shorter session. Experiments of N
+participants are draws of N of them, with replacement. Thresholds are those of `evenlight fit`, on a coarser
+grid; the limit is that of its individual model with all standard errors alike, which has a closed form. The
+band is what an experimenter would report; the error, against the truth, what they would be wrong by.
 """
 
 from __future__ import annotations
 
-import itertools
+import dataclasses
 import math
-from collections.abc import Callable, Iterable, Iterator
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from scipy import special
 
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import PAPER_DEGREE, RateLimitOptions
-from evenlight.analysis.plans.ramp_plan_pool import (
-    DrawSettings,
-    PoolMember,
-    SimulateRamps,
-    draw_experiments,
-    participant_sd,
-    participants_needed,
-    pool_of,
-    require_plannable,
-    resampling_spread,
-    true_levels,
-    whole_pool_error,
-    work_of,
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE, fit_thresholds_of
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
+    PAPER_DEGREE,
+    RateLimitOptions,
+    basis_for,
 )
+from evenlight.analysis.figure_style import look
+from evenlight.analysis.plans.plan import (
+    Panel,
+    Plan,
+    frame_of,
+    people_in_words,
+    plain_logarithmic,
+    plan_figure,
+)
+from evenlight.analysis.plans.questions import RampQuestion
+from evenlight.analysis.report import KeyFigure
+from evenlight.analysis.report_prose import prose
 from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, RampPlanRow
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
+from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimitForm
-from evenlight.data_schema.recordings.ramp import Procedure, RampDesign
+from evenlight.data_schema.recordings.ramp import Placement, RampDesign, RampTrial, session_minutes
+from evenlight.experiments.design_files import load_design
+from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
 from evenlight.method.one_blas_thread import one_blas_thread
+from evenlight.method.preset_files import load_display
 
-PLANNED_MODEL = (
-    "planned with a limit fitted to each participant's thresholds, which is faster than the joint model of "
-    "`evenlight fit`"
-)
-NOT_COMPARABLE = (
-    "yes/no and two intervals measure different thresholds: the first moves with the readiness to say yes, "
-    "so that fewer hours do not make it the better task"
-)
-INTERVAL = 1.96  # standard deviations: 95 %
-PAPER_SHAPE = RateLimitOptions(RateLimitForm.LN_RATE, PAPER_DEGREE)
+TITLE = "How many participants, and how long of each"
+SHAPE = RateLimitOptions(RateLimitForm.LN_RATE, PAPER_DEGREE)
 RECOMMENDED = "recommended"  # the design that the guides run
 ASSURED = 0.8  # share of experiments whose band is to be narrow enough, for the second figure
-EFFORTS = {"quick": (12, 12), "default": (24, 20), "thorough": (80, 40)}  # simulated people; experiments
+DRAWS = 400  # experiments of each size
+# Of the fits: a third of the time of a fit of real data; thresholds move by at most 0.03 of their SD.
+PLANNING_NODES = (28, 16, 8, 5)
+CHUNK = 4  # participants that are simulated and fitted at once: the unit of work and of progress
+SHARES = (1, 2, 3, 5, 7, 10, 15, 20, 30, 50, 70, 100, 200)  # [%]
+COUNTS = (2, 3, 5, 7, 10, 15, 20, 25, 30, 40, 50, 60, 80, 100, 150, 200, 300, 500, 1000)
+
+
+Work = tuple[RampDesign, Display, tuple[int, ...], int, int]  # ramps per level; people, and their seed
 
 
 @dataclass(frozen=True, slots=True)
-class PlanRequest:
-    """What is to be planned.
+class Sessions:
+    """Simulated participants, and what sessions of so many ramps per level tell of them."""
 
-    Attributes
-    ----------
-    designs, display : dict of str to RampDesign, Display
-        The designs that are compared, by name, and what the ramps are shown on.
-    precision : float
-        Half-width of the 95 % pointwise band of ΔL(L) that is wanted, as a share: 0.1 is a factor of 1.1
-        either way.
-    participants, trials : tuple of int
-        How many participants, and ramps per level, are tried out.
-    pool, draws, seed : int
-        Simulated participants per design, experiments drawn from them, and the seed of all random numbers.
-    options : RateLimitOptions
-        How the rate limit is fitted: from individual thresholds, by the paper's shape unless they say so.
-    """
-
-    designs: dict[str, RampDesign]
-    display: Display
-    precision: float = 0.1
-    participants: tuple[int, ...] = (5, 10, 20, 40)
-    trials: tuple[int, ...] = (20, 30, 40, 60, 100)
-    pool: int = EFFORTS["default"][0]
-    draws: int = EFFORTS["default"][1]
-    seed: int = 1
-    options: RateLimitOptions = PAPER_SHAPE
-
-    def __post_init__(self) -> None:
-        if not 0 < self.precision <= 2:
-            raise InputError(f"precision must lie above 0 and not above 2, got {self.precision:g}")
-        for name, numbers, low, high in (
-            ("participants", self.participants, 2, MOST_PARTICIPANTS),
-            ("trials", self.trials, 4, 2000),
-        ):
-            if not numbers or not all(low <= number <= high for number in numbers):
-                got = ",".join(map(str, numbers)) or "none"
-                raise InputError(f"{name} must be numbers from {low} to {high}, got {got}")
-        require_seed(self.seed)
-
-    @property
-    def effort(self) -> str:
-        """Which of `EFFORTS` pool and draws are; "other" if none."""
-        return {size: name for name, size in EFFORTS.items()}.get((self.pool, self.draws), "other")
-
-
-@dataclass(frozen=True, slots=True)
-class RampPlan:
-    """A plan: a row for each design, number of trials and number of participants."""
-
-    request: PlanRequest
-    rows: tuple[RampPlanRow, ...]
-
-    @property
-    def best(self) -> dict[Procedure, RampPlanRow | None]:
-        """Of each task the row that meets the precision with the fewest hours of all; None if none does.
-
-        The tasks' thresholds are different quantities, so that their hours are not set off.
-        """
-        tasks = [task for task in Procedure if any(row.procedure == task.value for row in self.rows)]
-        good = {task: [r for r in self.rows if r.meets and r.procedure == task.value] for task in tasks}
-        return {
-            task: min(rows, key=lambda row: (row.total_hours, row.half_width)) if rows else None
-            for task, rows in good.items()
-        }
-
-
-@dataclass(frozen=True, slots=True)
-class _Sessions:
-    """A design whose sessions are so long, and who went through it."""
-
-    request: PlanRequest
-    name: str
-    trials: int
-    pool: list[PoolMember]
+    minutes: Array  # length of a session, (people,)
+    luminance: Array  # initial luminances [cd/m^2], (levels,)
+    ln_rate: Array  # ln of fitted thresholds [cd/m^2/s], (people, levels); NaN where none can be used
+    ln_truth: Array  # ln of the true ones
 
 
 def plan_ramps(
-    request: PlanRequest,
-    simulate: SimulateRamps,
+    question: RampQuestion,
+    participants: Sequence[int],
+    pool: int = RampQuestion.efforts["default"],
+    seed: int = 1,
     mapped: Callable[..., Iterable[Any]] = map,
-    report: Callable[[int, int], None] = lambda done, total: None,
-) -> RampPlan:
-    """Return what the designs give, by simulation.
+) -> Plan:
+    """Return what the designs give, by simulation of a pool of people who go through each.
 
-    Parameters
-    ----------
-    request, simulate : PlanRequest, function
-        What is to be planned, and who answers the ramps.
-    mapped : function, optional
-        `map`, or one that shares the work among processes and keeps its order.
-    report : function, optional
-        Called with the parts of the work done and their total.
-
-    Raises
-    ------
-    InputError
-        If a design has too few levels for the rate limit, or cannot be planned for.
+    `mapped` is a `map` over a list, whose calls may run at once.
     """
-    for design in request.designs.values():
-        require_plannable(design, request.options)
-    works = [
-        work_of(design, request.display, request.trials, request.pool, request.seed)
-        for design in request.designs.values()
-    ]
-    each, total = len(works[0]), len(works) * (len(works[0]) + len(request.trials))
-    members: list[PoolMember] = []
-    pools: list[list[PoolMember]] = []
-    parts = mapped(partial(pool_of, simulate=simulate), itertools.chain(*works))
-    for done, part in enumerate(parts, start=1):
-        members += part
-        if done % each == 0:
-            pools.append(members)
-            members = []
-        report(done, total)
-    sessions = [
-        _Sessions(request, name, trials, pool)
-        for name, pool in zip(request.designs, pools, strict=True)
-        for trials in sorted(request.trials)
-    ]
-    rows: list[RampPlanRow] = []
-    for done, own in enumerate(mapped(_rows, sessions), start=len(works) * each + 1):
-        rows += own
-        report(done, total)
-    return RampPlan(request, tuple(rows))
+    designs = {name: _checked(load_design(name)) for name in question.design}
+    works = [work for design in designs.values() for work in work_of(question, design, pool, seed)]
+    found: list[list[Sessions]] = list(mapped(sessions_of, works))
+    each, rows = len(works) // len(designs), list[RampPlanRow]()
+    for k, (name, design) in enumerate(designs.items()):
+        parts = zip(*found[k * each : (k + 1) * each], strict=True)
+        for count, some in zip(question.trial_numbers, parts, strict=True):
+            about = {"design": name, "procedure": design.procedure.value, "placement": design.placement.value}
+            rows += rows_of(
+                joined(some), participants, question.precision, seed, trials_per_level=count, **about
+            )
+    return _plan(question, designs, tuple(rows), pool, seed)
+
+
+def _checked(design: RampDesign) -> RampDesign:
+    levels, least = len(design.screens) * len(design.factors), PAPER_DEGREE + 1
+    if levels < least:
+        raise InputError(
+            f"a rate limit of degree {PAPER_DEGREE} needs {least} or more levels, the design has {levels}; "
+            "add factors or a screen to it"
+        )
+    directions, durations = len(design.directions), len(design.ramp_durations)
+    if directions > 1 or durations > 1:
+        raise InputError(
+            "a plan is made for one direction and one duration of the ramps, got "
+            f"{directions} and {durations}; plan each alone"
+        )
+    return design
+
+
+def work_of(question: RampQuestion, design: RampDesign, pool: int, seed: int) -> list[Work]:
+    """Return the work that the people of a design take, in parts: the same people, whatever the design."""
+    sizes = [min(CHUNK, pool - begin) for begin in range(0, pool, CHUNK)]
+    seeds = np.random.SeedSequence(seed).generate_state(len(sizes)).tolist()
+    longest = with_trials_per_level(design, question.trial_numbers[-1])
+    shown = longest, load_display(question.display), question.trial_numbers
+    return [(*shown, *part) for part in zip(sizes, seeds, strict=True)]
+
+
+def with_trials_per_level(design: RampDesign, trials: int) -> RampDesign:
+    """Return a design with at least so many ramps per level.
+
+    >>> with_trials_per_level(RampDesign(), 20).repetitions  # of eight rates
+    3
+    """
+    if design.placement is Placement.CONSTANT:
+        return dataclasses.replace(design, repetitions=math.ceil(trials / len(design.relative_rates)))
+    return dataclasses.replace(design, trials_per_level=trials)
 
 
 @one_blas_thread
-def _rows(sessions: _Sessions) -> list[RampPlanRow]:
-    """Return a row for each number of participants."""
-    request, trials, pool = sessions.request, sessions.trials, sessions.pool
-    design = request.designs[sessions.name]
-    drawing = DrawSettings(request.display, request.options, request.draws, (request.seed,))
-    thresholds = [member.thresholds[trials] for member in pool]
-    truth = true_levels([member.truth for member in pool])
-    whole = whole_pool_error(drawing, thresholds, truth)
-    found = {n: draw_experiments(drawing, thresholds, truth, n) for n in sorted(request.participants)}
-    deviations = {n: drawn.errors - whole + whole.mean() for n, drawn in found.items()}
-    spread = float(np.sqrt(np.mean([drawn.standard_error**2 for drawn in found.values()])))
-    covered = [np.abs(deviations[n]) <= drawn.half_widths for n, drawn in found.items()]
-    minutes = float(np.mean([member.minutes[trials] for member in pool]))
-    resampled = found.get(len(pool)) or draw_experiments(drawing, thresholds, truth, len(pool))
-    pool_error = resampling_spread(resampled)
-    factor = float(np.exp(INTERVAL * pool_error))
+def sessions_of(work: Work) -> list[Sessions]:
+    """Simulate participants, and fit their thresholds after each number of ramps per level."""
+    design, display, counts, participants, seed = work
+    trials, truth = simulated_trials_and_thresholds(design, display, participants, seed)
+    people, luminances = (sorted(set(names)) for names in zip(*truth, strict=True))
+    ln_truth = np.log([[truth[who, L] for L in luminances] for who in people])
+    own = [[trial for trial in trials if trial.participant_id == who and trial.usable] for who in people]
+    sessions = []
+    for count in counts:
+        ln_rate = np.full(ln_truth.shape, np.nan)
+        shorter = [first_trials(every, count) for every in own]
+        for row, some in zip(ln_rate, shorter, strict=True):
+            for fit in fit_thresholds_of(some, judge=False, fine=PLANNING_NODES):
+                if fit.threshold.flag not in UNUSABLE:
+                    row[luminances.index(fit.threshold.luminance)] = fit.fit.ln_threshold.mean
+        minutes = np.array([session_minutes(design, len(some)) for some in shorter])
+        sessions.append(Sessions(minutes, np.array(luminances), ln_rate, ln_truth))
+    return sessions
+
+
+def first_trials(trials: Iterable[RampTrial], per_level: int) -> list[RampTrial]:
+    """Return one participant's trials as far as a shorter session would have gone.
+
+    Of every level the first so many ramps, and the same share of the catch trials: an adaptive placement
+    knows nothing of the trials to come, and constant stimuli come in passes of all rates.
+    """
+    ordered = sorted(trials, key=lambda trial: trial.trial_index)
+    seen: Counter[tuple[str, float]] = Counter()
+    kept, catches = [], [trial for trial in ordered if trial.is_catch]
+    for trial in ordered:
+        if not trial.is_catch:
+            seen[trial.screen, trial.factor] += 1
+            if seen[trial.screen, trial.factor] <= per_level:
+                kept.append(trial)
+    share = len(kept) / max(seen.total(), 1)
+    return sorted(kept + catches[: round(share * len(catches))], key=lambda trial: trial.trial_index)
+
+
+def joined(parts: Sequence[Sessions]) -> Sessions:
+    """Return the sessions of all people but those without a threshold.
+
+    A missing threshold is that of the mean person, times what the person's others are of it.
+    """
+    minutes, ln_rate, ln_truth = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("minutes", "ln_rate", "ln_truth")
+    )
+    some = np.isfinite(ln_rate).any(axis=1)
+    ln_rate = ln_rate[some]
+    middle = np.nanmean(ln_rate, axis=0)
+    own = np.nanmean(ln_rate - middle, axis=1, keepdims=True)
+    filled = np.where(np.isnan(ln_rate), middle + own, ln_rate)
+    return Sessions(minutes, parts[0].luminance, filled, ln_truth[some])
+
+
+def limits_of(luminance: Array, ln_rate: Array) -> tuple[Array, Array]:
+    """Return the population's curve at each level, and its standard error, (..., levels), in ln(rate).
+
+    ln ΔL_pl = polynomial(L_l) + u_p + e_pl of thresholds ln ΔL, (..., people, levels). Where everybody was
+    shown every level, and all e are alike, REML is least squares, and two sums of squares: between people,
+    and of the rest.
+    """
+    people, levels = ln_rate.shape[-2:]
+    design = basis_for(luminance, SHAPE).design(luminance)
+    hat = design @ np.linalg.pinv(design)
+    own, mean = ln_rate.mean(axis=-1, keepdims=True), ln_rate.mean(axis=-2, keepdims=True)
+    rest = ln_rate - own - mean + own.mean(axis=-2, keepdims=True)
+    scatter = np.sum(rest**2, axis=(-2, -1)) / ((people - 1) * (levels - 1))
+    between = np.maximum(own.var(axis=(-2, -1), ddof=1), scatter / levels)  # no less than the rest gives
+    variance = between[..., None] + scatter[..., None] * (np.diag(hat) - 1 / levels)
+    return mean[..., 0, :] @ hat.T, np.sqrt(variance / people)
+
+
+def rows_of(
+    sessions: Sessions, participants: Sequence[int], precision: float, seed: int, **about: Any
+) -> list[RampPlanRow]:
+    """Return a row for each number of participants of a design with so many ramps per level."""
+    people, minutes = len(sessions.ln_rate), float(np.mean(sessions.minutes))
+    curve, error = limits_of(sessions.luminance, sessions.ln_rate)
+    bias = float(np.mean(curve - sessions.ln_truth.mean(axis=0)))
+    # Draws with replacement scatter less than people do, by the root of (n - 1) / n.
+    apart = curve + (sessions.ln_rate - curve) * math.sqrt(people / (people - 1))
+
+    def drawn(n: int) -> tuple[Array, Array]:
+        chosen = np.random.default_rng([seed, n]).integers(people, size=(DRAWS, n))
+        return limits_of(sessions.luminance, apart[chosen])
+
+    # Who happened to be simulated decides how much people differ: the bootstrap says how well that is known.
+    pool_error = _scatter(drawn(people)[1])
+    single = float(_rms(error)) * math.sqrt(people)
     low, needed, high = (
-        participants_needed(spread * by, request.precision) for by in (1 / factor, 1.0, factor)
+        participants_needed(single * math.exp(sign * 1.96 * pool_error), precision) for sign in (-1, 0, 1)
     )
-    spread_of_people = participant_sd([member.truth for member in pool])
-    single = np.log([t.threshold / m.truth[t.luminance] for m in pool for t in m.thresholds[trials]])
-    return [
-        RampPlanRow(
-            design=sessions.name,
-            procedure=design.procedure.value,
-            placement=design.placement.value,
-            levels=len(pool[0].truth),
-            trials_per_level=trials,
-            participants=n,
-            minutes=minutes,
-            total_hours=n * minutes / 60,
-            participant_sd_ln=spread_of_people,
-            threshold_error_ln=float(np.sqrt(np.mean(single**2))),
-            half_width=_share(np.mean(drawn.half_widths)),
-            half_width_assured=_share(np.quantile(drawn.half_widths.mean(axis=1), ASSURED)),
-            half_width_mc_error=math.hypot(
-                pool_error, float(np.std(np.log(drawn.standard_errors), ddof=1)) / math.sqrt(request.draws)
-            ),
-            error=_share(np.sqrt(np.mean(deviations[n] ** 2))),
-            bias=_share(whole.mean()),
-            coverage=float(np.mean(covered)),
-            meets=_share(np.mean(drawn.half_widths)) <= request.precision,
-            participants_needed=needed,
-            participants_needed_low=low,
-            participants_needed_high=high,
-            hours_needed=needed and needed * minutes / 60,
-        )
-        for n, drawn in found.items()
-    ]
-
-
-def _share(log_ratio: float | np.floating[Any]) -> float:
-    """Return a difference of logarithms as a share."""
-    return float(np.expm1(log_ratio))
-
-
-def in_words(plan: RampPlan) -> tuple[str, ...]:
-    """Return what the plan comes to, the answer first, a sentence for each task, and one if there are two."""
-    found = tuple(_best_in_words(plan, procedure) for procedure in plan.best)
-    return (*_recommended_in_words(plan), *found, *((NOT_COMPARABLE,) if len(found) > 1 else ()))
-
-
-def _recommended_in_words(plan: RampPlan) -> Iterator[str]:
-    """Yield how many participants the recommended design takes as it is run, if it was tried so."""
-    design = plan.request.designs.get(RECOMMENDED)
-    trials = None if design is None else design.trials_per_level
-    for row in plan.rows:
-        if (row.design, row.trials_per_level) == (RECOMMENDED, trials):
-            yield (
-                f"recommended: {row.participants_needed_in_words} participants for ΔL(L) to "
-                f"{100 * plan.request.precision:g} %, each with `evenlight run ramp --design {RECOMMENDED}` "
-                f"({row.trials_per_level} trials per level, {row.minutes:.0f} min)"
+    rows = []
+    for n in sorted(participants):
+        curves, errors = drawn(n)
+        half = special.stdtrit(n - 1, 0.975) * errors
+        off = curves - curve + bias  # all draws share the chance in the pool's own answers
+        width = math.expm1(np.mean(half))
+        rows.append(
+            RampPlanRow(
+                levels=sessions.luminance.size,
+                participants=n,
+                minutes=minutes,
+                total_hours=n * minutes / 60,
+                participant_sd_ln=float(_rms(np.std(sessions.ln_truth, axis=0, ddof=1))),
+                threshold_error_ln=float(_rms((sessions.ln_rate - sessions.ln_truth).ravel())),
+                half_width=width,
+                half_width_mc_error=math.hypot(pool_error, _scatter(errors) / math.sqrt(DRAWS)),
+                half_width_assured=math.expm1(np.quantile(np.mean(half, axis=1), ASSURED)),
+                error=math.expm1(_rms(off.ravel())),
+                bias=math.expm1(bias),
+                coverage=float(np.mean(np.abs(off) <= half)),
+                meets=width <= precision,
+                participants_needed=needed,
+                participants_needed_low=low,
+                participants_needed_high=high,
+                hours_needed=needed and needed * minutes / 60,
+                **about,
             )
-            return
-
-
-def chance_in_words(plan: RampPlan) -> str:
-    """Return how far chance in the simulation moves the figures of a plan."""
-    request = plan.request
-    error = max(row.half_width_mc_error for row in plan.rows)
-    return (
-        f"Monte Carlo error (one SD), with {request.pool} simulated participants and {request.draws} "
-        f"experiments per size: bands up to {error:.0%} of themselves, people needed up to {2 * error:.0%}"
-    )
-
-
-def _best_in_words(plan: RampPlan, procedure: Procedure) -> str:
-    """Return what takes the fewest hours, for one task."""
-    best, wanted = plan.best[procedure], 100 * plan.request.precision
-    if best is not None:
-        return (
-            f"{best.participants} participants x {best.trials_per_level} trials per level ({best.design}: "
-            f"{best.procedure}, {best.placement}; {best.levels} levels, {best.minutes:.0f} min each) give "
-            f"ΔL(L) to {100 * best.half_width:.0f} %; {wanted:g} % takes {best.participants_needed_in_words} "
-            f"participants"
         )
-    own = [row for row in plan.rows if row.procedure == procedure.value]
-    able = [row for row in own if row.hours_needed is not None]
-    if not able:
-        return f"{procedure.value}: nothing tried comes near {wanted:g} %"
-    row = min(able, key=lambda row: row.hours_needed or 0.0)
-    return (
-        f"{procedure.value}: no number tried gives ΔL(L) to {wanted:g} %; "
-        f"{row.participants_needed_in_words} "
-        f"participants x {row.trials_per_level} trials per level would ({row.design}, {row.minutes:.0f} min "
-        "each)"
+    return rows
+
+
+def _rms(values: Array) -> Array:
+    return np.asarray(np.sqrt(np.mean(values**2, axis=-1)))
+
+
+def _scatter(errors: Array) -> float:
+    """Return by which share of itself the standard error of a limit differs between draws, one SD."""
+    sizes = _rms(errors)
+    return float(np.std(sizes, ddof=1) / np.mean(sizes))
+
+
+def participants_needed(standard_error: float, precision: float) -> int | None:
+    """Return how many participants give a band of a half-width, or None if more than 1000 do not.
+
+    Half-width = t(N - 1) · standard error of one participant / sqrt(N) in ln(rate), t Student's at 97.5 %.
+
+    >>> participants_needed(0.3, 0.1)  # ln 1.1 = 0.0953; 2.02 · 0.3 / sqrt(41) = 0.0947, of 40: 0.0959
+    41
+    """
+    n = np.arange(2, MOST_PARTICIPANTS + 1)
+    half = special.stdtrit(n - 1, 0.975) * standard_error / np.sqrt(n)
+    enough = np.flatnonzero(half <= np.log1p(precision))
+    return int(n[enough[0]]) if enough.size else None
+
+
+def _plan(
+    question: RampQuestion,
+    designs: Mapping[str, RampDesign],
+    rows: tuple[RampPlanRow, ...],
+    pool: int,
+    seed: int,
+) -> Plan:
+    """Return rows with their answer in words, and drawn.
+
+    Of each task the best has the precision with the fewest hours of all; different tasks measure different
+    thresholds, so that their hours are not set off.
+    """
+    cheapest = {
+        task: min((row for row in rows if row.procedure == task), key=_cost)
+        for task in sorted({row.procedure for row in rows}, reverse=True)  # yes/no first
+    }
+    best = {task: row if row.meets else None for task, row in cheapest.items()}
+    usual = designs[RECOMMENDED].trials_per_level if RECOMMENDED in designs else 0
+    told = [row for row in rows if (row.design, row.trials_per_level) == (RECOMMENDED, usual)][:1]
+    wanted = f"{100 * question.precision:g}"
+    answer = prose("plan_ramp", usual=told, tasks=cheapest, wanted=wanted, people=people_in_words)
+    error = max(row.half_width_mc_error for row in rows)
+    rests_on = model, monte_carlo = prose("plan_ramp_rests", pool=pool, error=error)
+    about = {
+        "effort": {size: name for name, size in question.efforts.items()}.get(pool, "other"),
+        "monte_carlo_error": monte_carlo,
+        "model": model,
+        "precision": question.precision,
+        "pool": pool,
+        "draws": DRAWS,
+        "best": {task: row and mapping_from_record(row) for task, row in best.items()},
+        "designs": {name: mapping_from_record(design) for name, design in designs.items()},
+    }
+    inputs = {f"design {name}": sha256_of_record(design) for name, design in designs.items()}
+    made = provenance_now(seed, inputs | {"display": sha256_of_record(load_display(question.display))})
+    words = f"participants for {wanted} %"
+    cards = tuple(
+        KeyFigure(people_in_words(row), words, f"{row.design}, {row.minutes:.0f} min each")
+        for row in (*told, *filter(None, best.values()))
     )
+    said = (*rests_on, *answer[1:], answer[0])
+    return Plan(TITLE, rows, answer, said, cards, about, made, _figure(question, rows, pool))
+
+
+def _cost(row: RampPlanRow) -> tuple[bool, float, float]:
+    """Return what a row costs: hours of those that are precise, and of so many as would be."""
+    hours = row.total_hours if row.meets else row.hours_needed
+    return not row.meets, hours or math.inf, row.half_width
+
+
+def _figure(question: RampQuestion, rows: Sequence[RampPlanRow], pool: int) -> Figure:
+    """Draw the band's half-width over participants, and what the wanted precision takes over minutes."""
+    wanted, trials = 100 * question.precision, question.trial_numbers
+    middle = trials[len(trials) // 2]
+    (subtitle,) = prose("plan_ramp_figure", pool=pool, middle=middle, wanted=wanted, trials=trials)
+    frame = frame_of(rows)
+    frame["half_width"] = (100 * frame.half_width).where(frame.trials_per_level == middle)
+    doubt = np.exp(1.96 * frame["half_width_mc_error"])
+    frame["half_width_low"], frame["half_width_high"] = frame.half_width / doubt, frame.half_width * doubt
+    for end in ("", "_low", "_high"):
+        frame[f"hours_needed{end}"] = frame[f"participants_needed{end}"].astype(float) * frame.minutes / 60
+    panels = [
+        [Panel("participants", "half_width", "half-width of the band [%]", wanted)],
+        [
+            Panel("minutes", "participants_needed", "participants needed"),
+            Panel("minutes", "hours_needed", "hours needed, of all"),
+        ],
+    ]
+    with look():
+        lines = {name: frame[frame.design == name] for name in question.design}
+        figure, axes = plan_figure(TITLE, subtitle, lines, panels, [15.0, 15.0])
+        plain_logarithmic(axes["half_width"], "y", SHARES)
+        for name in ("participants_needed", "hours_needed"):
+            plain_logarithmic(axes[name], "y", COUNTS)
+            axes[name].set_xlim(0, None)
+    return figure

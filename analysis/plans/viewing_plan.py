@@ -1,348 +1,380 @@
-"""Planning a viewing experiment: participants for a wanted power, by the tests of its analysis.
+"""Planning a viewing experiment: participants for a wanted power.
 
-For ratings and comparisons these are the analysis's own. A search is tested by a quicker form of its model
-(`viewing_plan_search.version_effect`): it knows how hard the locations are, and tests by the standard error.
-Experiments are drawn from a stated truth and tested as real data are; where the outcomes can be enumerated
-they are, and nothing is drawn. Beside the power stands how often the test finds what is not there.
+Experiments are drawn from a stated truth and tested as `evenlight analyze` tests real data, a search in a
+quicker form; beside the power stands how often a test finds what is not there. Where the outcomes can be
+enumerated a test has its exact power, and nothing is drawn.
 """
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy import special
+from scipy import optimize, special
 
-from evenlight.analysis.inference.binomial_tests import clopper_pearson
+from evenlight.analysis import figure_style as style
+from evenlight.analysis.comparison.comparison_shares import equivalence_p, independent_error
+from evenlight.analysis.inference.binomial_tests import (
+    ALPHA,
+    HALF,
+    clopper_pearson,
+    difference_power,
+    equivalence_power,
+)
+from evenlight.analysis.inference.exact_tests import sign_flip_p_values
+from evenlight.analysis.inference.fixed_effects import FixedEffect
+from evenlight.analysis.inference.lognormal_times import CensoredTimes, fit_lognormal_times
+from evenlight.analysis.plans.plan import Panel, Plan, frame_of, people_in_words, plan_figure
+from evenlight.analysis.plans.questions import ComparisonTruth, RatingTruth, SearchTruth, Truth
+from evenlight.analysis.rating.rating_power import LARGEST, fewest_pairs, likely_differences
+from evenlight.analysis.report import KeyFigure
+from evenlight.analysis.report_prose import prose
+from evenlight.analysis.search.search_models import slowing
 from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, ViewingPlanRow
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.provenance import provenance_now
 from evenlight.method.one_blas_thread import one_blas_thread
 
-BEYOND_TRIED = "beyond what was tried"
-Exact = Callable[[ArrayLike], Array]  # power, by number of participants
 NUMBERS = np.arange(2, MOST_PARTICIPANTS + 1)
-INTERVAL = 1.96  # standard errors: 95 %
 NEAR = 0.5  # share of the wanted power that some number tried must reach
+NODES = 41  # of the normal distribution between participants
+SEARCH_NODES = 5  # of the quadrature of a search: as assumed, p is that of nine to a millionth of itself
+# Standard deviations of ln(time), as of simulated searchers (docs/decisions/simulated-viewers.md): of a
+# search, between persons, between locations.
+SEARCH_SD, PERSON_SD, LOCATION_SD = 0.6, 0.25, 0.4
+Found = Mapping[tuple[float, int], Mapping[str, Array]]  # p values by effect and participants, and by test
+Needed = tuple[int | None, int | None, int | None]  # participants, and the interval; None where not known
 
 
 @dataclass(frozen=True, slots=True)
 class PlannedTest:
-    """A test whose power is wanted.
+    """A test whose power is wanted."""
 
-    Attributes
-    ----------
-    name, key : str
-        What is tested, and how; its p values among those that `Truth.p_values` gives.
-    effect, effect_unit : float, str
-        True effect with which the power is computed, and its unit.
-    null : float
-        Effect at which the test must not find anything: none, or one at the margin.
-    level, margin : float, float or None
-        Of the test, and of an equivalence test.
-    exact, exact_error : callable or None
-        Power and type I error by number of participants, where they can be enumerated.
-    fewest : int
-        Participants with whom the test can find anything at all.
-    """
-
-    name: str
-    key: str
-    effect: float
-    effect_unit: str
-    null: float
-    level: float
-    margin: float | None = None
-    exact: Exact | None = None
-    exact_error: Exact | None = None
-    fewest: int = 2
-
-
-class Truth(Protocol):
-    """What is true of the people of a simulated experiment, and what its answers are tested for."""
-
-    @property
-    def tests(self) -> tuple[PlannedTest, ...]:
-        """The tests whose power is wanted."""
-
-    @property
-    def in_words(self) -> str:
-        """What is true, and where that comes from."""
-
-    def p_values(
-        self, effect: float, participants: int, runs: int, rng: np.random.Generator
-    ) -> Mapping[str, Array]:
-        """Return p values of simulated experiments, (runs,), by the key of the test."""
-
-
-@dataclass(frozen=True, slots=True)
-class ViewingRequest:
-    """What is to be planned.
-
-    Attributes
-    ----------
-    task, truth : str, Truth
-        "rating", "comparison" or "search", and what is true.
-    participants, power : tuple of int, float
-        How many are tried, and the power that is wanted.
-    runs, seed : int
-        Simulated experiments for each number, and the seed of all random numbers.
-    """
-
-    task: str
-    truth: Truth
-    participants: tuple[int, ...]
-    power: float = 0.8
-    runs: int = 2000
-    seed: int = 1
-
-    def __post_init__(self) -> None:
-        if not 0 < self.power < 1:
-            raise InputError(f"power must lie between 0 and 1, got {self.power:g}")
-        if not self.participants or not all(2 <= n <= MOST_PARTICIPANTS for n in self.participants):
-            got = ",".join(map(str, self.participants)) or "none"
-            raise InputError(f"participants must be numbers from 2 to {MOST_PARTICIPANTS}, got {got}")
-        require_seed(self.seed)
-
-
-@dataclass(frozen=True, slots=True)
-class ViewingPlan:
-    """A plan: a row for each test and number of participants."""
-
-    request: ViewingRequest
-    rows: tuple[ViewingPlanRow, ...]
-
-    @property
-    def tests(self) -> tuple[str, ...]:
-        """The names of the tests, in order."""
-        return tuple(dict.fromkeys(row.test for row in self.rows))
-
-    def rows_of(self, test: str) -> tuple[ViewingPlanRow, ...]:
-        """Return the rows of a test, fewest participants first."""
-        return tuple(row for row in self.rows if row.test == test)
-
-
-@dataclass(frozen=True, slots=True)
-class _Batch:
-    """Experiments of one size with one true effect: what is simulated at once."""
-
-    request: ViewingRequest
-    effect: float
-    participants: int
-
-
-@one_blas_thread
-def _p_values(work: _Batch) -> Mapping[str, Array]:
-    """Return the p values of simulated experiments; their seed depends on nothing but what they are."""
-    request = work.request
-    label = int.from_bytes(f"{request.task} {work.effect:.9g}".encode(), "big")
-    rng = np.random.default_rng([request.seed, label, work.participants])
-    return request.truth.p_values(work.effect, work.participants, request.runs, rng)
-
-
-@dataclass(frozen=True, slots=True)
-class _Share:
-    """A share of experiments with its 95 % confidence interval."""
-
-    value: float
-    low: float
-    high: float
+    name: str  # what is tested, and how
+    key: str  # its p values among those of an experiment
+    effect: float  # true one with which the power is computed
+    null: float  # the one at which nothing must be found
+    level: float = ALPHA
+    margin: float | None = None  # of an equivalence test
+    exact: Callable[[ArrayLike, float, float], Array] | None = None  # power by participants, effect, level
+    fewest: int = 2  # participants with whom it can find anything at all
 
 
 def plan_viewing(
-    request: ViewingRequest,
+    truth: Truth,
+    participants: Sequence[int],
+    runs: int = 2000,
+    seed: int = 1,
     mapped: Callable[..., Iterable[Any]] = map,
-    report: Callable[[int, int], None] = lambda done, total: None,
-) -> ViewingPlan:
-    """Return what so many participants would show.
+) -> Plan:
+    """Return what so many participants would show, by so many simulated experiments of each number.
 
-    Parameters
-    ----------
-    request, mapped : ViewingRequest, and optional a callable
-        What is to be planned, and a `map`, whose calls may run at once.
-    report : callable, optional
-        Called with what is done, and of how much.
+    `mapped` is a `map` over a list, whose calls may run at once.
     """
-    tests = request.truth.tests
-    numbers = sorted(request.participants)
-    drawn = [test for test in tests if test.exact is None]
-    effects = list(dict.fromkeys(e for test in drawn for e in (test.effect, test.null)))
-    works = [_Batch(request, effect, n) for effect in effects for n in reversed(numbers)]
-    found: dict[tuple[float, int], Mapping[str, Array]] = {}
-    for work, p_values in zip(works, mapped(_p_values, works), strict=True):
-        found[work.effect, work.participants] = p_values
-        report(len(found), len(works))
+    draw_tests, _ = EXPERIMENTS[truth.task]
+    tests, numbers = draw_tests(truth), sorted(participants)
+    effects = dict.fromkeys(e for test in tests if not test.exact for e in (test.effect, test.null))
+    works = [(truth, effect, (runs, n), seed) for effect in effects for n in reversed(numbers)]
+    found = {
+        (effect, n): own for (_, effect, (_, n), _), own in zip(works, mapped(_p_values, works), strict=True)
+    }
     rows = []
     for test in tests:
-        power, error = ([_share_of(test, at, n, found) for n in numbers] for at in (test.effect, test.null))
-        needed = _needed(test, request, numbers, power)
-        rows += [_row(request, test, n, power[k], error[k], needed) for k, n in enumerate(numbers)]
-    return ViewingPlan(request, tuple(rows))
+        drawn = 0 if test.exact else runs
+        power, error = ([_share(test, at, n, found) for n in numbers] for at in (test.effect, test.null))
+        needed = _needed(test, numbers, [own[0] for own in power], drawn, truth.power)
+        for n, held, erred in zip(numbers, power, error, strict=True):
+            rows.append(
+                ViewingPlanRow(
+                    truth.task,
+                    test.name,
+                    n,
+                    test.effect,
+                    truth.unit,
+                    test.margin,
+                    test.level,
+                    *held,
+                    *erred,
+                    drawn,
+                    truth.power,
+                    held[0] >= truth.power,
+                    *needed,
+                )
+            )
+    return _plan(truth, tests, tuple(rows), runs, seed)
 
 
-def _share_of(
-    test: PlannedTest,
-    effect: float,
-    participants: int,
-    found: Mapping[tuple[float, int], Mapping[str, Array]],
-) -> _Share:
-    """Return how often a test finds something at an effect."""
-    if test.exact is not None and test.exact_error is not None:
-        exact = test.exact if effect == test.effect else test.exact_error
-        value = float(np.clip(exact(participants), 0.0, 1.0))
-        return _Share(value, value, value)
+@one_blas_thread
+def _p_values(work: tuple[Truth, float, tuple[int, int], int]) -> Mapping[str, Array]:
+    """Return the p values of simulated experiments; their seed depends on nothing but what they are."""
+    truth, effect, shape, seed = work
+    label = int.from_bytes(f"{truth.task} {effect:.9g}".encode(), "big")
+    _, p_values = EXPERIMENTS[truth.task]
+    return p_values(truth, effect, shape, np.random.default_rng([seed, label, shape[1]]))
+
+
+def _share(test: PlannedTest, effect: float, participants: int, found: Found) -> tuple[float, float, float]:
+    """Return the share of experiments in which the test finds something, and its 95 % interval."""
+    if test.exact is not None:
+        return (float(np.clip(test.exact(participants, effect, test.level), 0.0, 1.0)),) * 3
     p_values = found[effect, participants][test.key]
     hits = int(np.sum(p_values <= test.level))
-    return _Share(hits / p_values.size, *clopper_pearson(hits, p_values.size))
+    return hits / p_values.size, *clopper_pearson(hits, p_values.size)
 
 
 def _needed(
-    test: PlannedTest, request: ViewingRequest, numbers: list[int], power: list[_Share]
-) -> ParticipantsNeeded:
-    """Return how many participants a test needs."""
+    test: PlannedTest, numbers: Sequence[int], power: Sequence[float], runs: int, wanted: float
+) -> Needed:
     if test.exact is not None:
-        return exactly_needed(test.exact, request.power)
+        lacking = np.flatnonzero(test.exact(NUMBERS, test.effect, test.level) < wanted)
+        first = int(lacking[-1]) + 1 if lacking.size else 0  # from there on never below
+        return (int(NUMBERS[first]) if first < NUMBERS.size else None,) * 3
     # With fewer than `fewest` the power is 0 whatever the effect: no point of a line.
-    tried = [(n, share.value) for n, share in zip(numbers, power, strict=True) if n >= test.fewest]
-    found = needed_by_line([n for n, _ in tried], [p for _, p in tried], request.runs, request.power)
-    ends = (None if n is None else max(n, test.fewest) for n in (found.participants, found.low, found.high))
-    return ParticipantsNeeded(*ends)
+    tried = [(n, share) for n, share in zip(numbers, power, strict=True) if n >= test.fewest]
+    needed = needed_by_line([n for n, _ in tried], [share for _, share in tried], runs, wanted)
+    middle, low, high = (None if n is None else max(n, test.fewest) for n in needed)
+    return middle, low, high
 
 
-def _row(
-    request: ViewingRequest,
-    test: PlannedTest,
-    participants: int,
-    power: _Share,
-    error: _Share,
-    needed: ParticipantsNeeded,
-) -> ViewingPlanRow:
-    """Return a row of the plan."""
-    return ViewingPlanRow(
-        task=request.task,
-        test=test.name,
-        participants=participants,
-        effect=test.effect,
-        effect_unit=test.effect_unit,
-        margin=test.margin,
-        level=test.level,
-        power=power.value,
-        power_low=power.low,
-        power_high=power.high,
-        type_i_error=error.value,
-        type_i_error_low=error.low,
-        type_i_error_high=error.high,
-        runs=request.runs if test.exact is None else 0,
-        wanted_power=request.power,
-        meets=power.value >= request.power,
-        participants_needed=needed.participants,
-        participants_needed_low=needed.low,
-        participants_needed_high=needed.high,
-    )
-
-
-def in_words(plan: ViewingPlan) -> tuple[str, ...]:
-    """Return what the plan comes to, a sentence for each test."""
-    wanted = f"{100 * plan.request.power:g} % power"
-    sentences = []
-    for name in plan.tests:
-        row = plan.rows_of(name)[-1]
-        effect = f"{row.effect:g} {row.effect_unit}"
-        within = "" if row.margin is None else f", margin {row.margin:g}"
-        needed = f"{needed_in_words(row)} participants"
-        if needed.startswith(BEYOND_TRIED):
-            needed = f"participants {BEYOND_TRIED}"
-        sentences.append(f"{name}: {needed} for {wanted} ({effect}{within})")
-    return tuple(sentences)
-
-
-def needed_in_words(row: ViewingPlanRow) -> str:
-    """Return how many participants are needed, with the interval that the simulation leaves."""
-    low, needed, high = row.participants_needed_low, row.participants_needed, row.participants_needed_high
-    beyond = f"above {MOST_PARTICIPANTS}"
-    if low is None:
-        return BEYOND_TRIED if row.runs else beyond
-    if low == needed == high:
-        return str(needed)
-    return f"{needed or beyond} ({low} to {high or beyond})"
-
-
-@dataclass(frozen=True, slots=True)
-class ParticipantsNeeded:
-    """How many participants are needed, and its 95 % confidence interval; None beyond 1000 or the tried."""
-
-    participants: int | None
-    low: int | None
-    high: int | None
-
-
-def exactly_needed(power: Callable[[ArrayLike], NDArray[np.float64]], wanted: float) -> ParticipantsNeeded:
-    """Return the number of participants from which on an exact power never falls below the wanted one."""
-    lacking = np.flatnonzero(power(NUMBERS) < wanted)
-    if lacking.size and lacking[-1] == NUMBERS.size - 1:
-        return ParticipantsNeeded(None, None, None)
-    number = int(NUMBERS[lacking[-1] + 1]) if lacking.size else int(NUMBERS[0])
-    return ParticipantsNeeded(number, number, number)
-
-
-def needed_by_line(
-    participants: Sequence[int], power: Sequence[float], runs: int, wanted: float
-) -> ParticipantsNeeded:
-    """Return the number of participants at which simulated power reaches the wanted one.
+def needed_by_line(participants: Sequence[int], power: Sequence[float], runs: int, wanted: float) -> Needed:
+    """Return the number of participants at which simulated power reaches the wanted one, and its interval.
 
     The power of a test of a mean is Φ(a + b √N): a probit regression on √N takes all numbers that were tried
     together, and its 95 % band gives the interval. Half an experiment is added to either side, so that powers
     of 0 and 1 stay finite. Far from the powers that were tried the line says nothing: if none reaches half
     of the wanted power there is no number; if all are halfway from it to 1, it is the fewest tried.
 
-    Parameters
-    ----------
-    participants, power : sequence of int, sequence of float
-        Numbers that were tried, and the share of experiments that found something.
-    runs, wanted : int, float
-        Experiments of each number, and the wanted power.
-
     >>> numbers = [10, 20, 40]
     >>> power = special.ndtr(0.5 * np.sqrt(numbers) - 1.96)
-    >>> needed_by_line(numbers, power, 10**6, 0.8).participants  # (2.80 / 0.5)²
+    >>> needed_by_line(numbers, power, 10**6, 0.8)[0]  # (2.80 / 0.5)²
     32
     """
     import statsmodels.genmod.api as models  # half a second, and only needed here
 
+    least, most = min(power, default=0.0), max(power, default=0.0)
+    if len(participants) < 2 or least == most or least >= (1 + wanted) / 2:
+        return (min(participants), 2, min(participants)) if least >= wanted else (None, None, None)
+    if most < NEAR * wanted:
+        return None, None, None
     hits = np.asarray(power) * runs
-    counts = np.column_stack([hits + 0.5, runs - hits + 0.5])
-    too_high = min(power, default=0.0) >= (1 + wanted) / 2
-    if len(participants) < 2 or np.ptp(power) == 0 or too_high:
-        return _of_one(participants, power, wanted)
-    if max(power) < NEAR * wanted:
-        return ParticipantsNeeded(None, None, None)
     probit = models.families.Binomial(models.families.links.Probit())
-    design = np.column_stack([np.ones(len(participants)), np.sqrt(participants)])
+    design, at = (np.column_stack([np.ones(len(n)), np.sqrt(n)]) for n in (participants, NUMBERS))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of perfect separation: half an experiment keeps all finite
-        fit = models.GLM(counts, design, family=probit).fit()
-    at = np.column_stack([np.ones(NUMBERS.size), np.sqrt(NUMBERS)])
-    line = at @ fit.params
-    half = INTERVAL * np.sqrt(np.sum((at @ fit.cov_params()) * at, axis=1))
-    return ParticipantsNeeded(
-        *(_first(edge >= special.ndtri(wanted)) for edge in (line, line + half, line - half))
+        fit = models.GLM(np.column_stack([hits + 0.5, runs - hits + 0.5]), design, family=probit).fit()
+    line, half = at @ fit.params, 1.96 * np.sqrt(np.sum((at @ fit.cov_params()) * at, axis=1))
+    enough = [np.flatnonzero(edge >= special.ndtri(wanted)) for edge in (line, line + half, line - half)]
+    needed, low, high = (int(NUMBERS[found[0]]) if found.size else None for found in enough)
+    return needed, low, high
+
+
+def _plan(
+    truth: Truth, tests: Sequence[PlannedTest], rows: tuple[ViewingPlanRow, ...], runs: int, seed: int
+) -> Plan:
+    """Return rows with their answer in words, and drawn: power, and below it the type I error."""
+    wanted, title = f"{100 * truth.power:g} % power", f"{truth.title}: how many participants"
+    needed = {row.test: people_in_words(row) for row in rows}
+    answer = prose("plan_viewing", tests=tests, needed=needed, wanted=wanted, unit=truth.unit)
+    (assumed,) = prose("plan_assumed", task=truth.task, truth=truth)
+    kinds = {row.runs for row in rows}
+    drawn = f"Simulated: {runs} experiments for each mark, bars 95 %" if any(kinds) else "Computed, not drawn"
+    exact = "; marks without bars are exact" if len(kinds) > 1 else ""
+    frame = frame_of(rows)
+    frame[[f"{of}{end}" for of in ("power", "type_i_error") for end in ("", "_low", "_high")]] *= 100
+    lines = {f"{test}: {people} for {wanted}": frame[frame.test == test] for test, people in needed.items()}
+    panels = [
+        [Panel("participants", "power", "power [% of experiments]", 100 * truth.power)],
+        [Panel("participants", "type_i_error", "type I error [%]", 5.0)],
+    ]
+    with style.look():
+        below = f"{drawn}{exact}. Assumed: {assumed}."
+        figure, axes = plan_figure(title, below, lines, panels, [24.0, 9.0])
+        for (own,) in panels:
+            axes[own.y].set_ylim(0, max(12.0, 1.05 * frame[f"{own.y}_high"].max()))
+    cards = tuple(KeyFigure(people, f"participants: {name}", wanted) for name, people in needed.items())
+    about = {
+        "task": truth.task,
+        "power": truth.power,
+        "runs": runs,
+        "truth": asdict(truth),
+        "truth_in_words": assumed,
+    }
+    said = (f"assumed: {assumed}", *answer)
+    return Plan(title, rows, answer, said, cards[:4], about, provenance_now(seed), figure)
+
+
+def _rating_tests(truth: RatingTruth) -> list[PlannedTest]:
+    one = PlannedTest("difference, one sequence", "one", truth.difference, 0.0, fewest=fewest_pairs())
+    if truth.sequences == 1:
+        return [one]
+    mean = replace(one, name=f"difference, mean of {truth.sequences} sequences", key="all")
+    return [one, _first_of(one, truth.sequences), mean]
+
+
+def _first_of(one: PlannedTest, sequences: int) -> PlannedTest:
+    level = ALPHA / sequences
+    name = f"{one.name} of {sequences} (Holm's first)"
+    return replace(one, name=name, level=level, fewest=fewest_pairs(level))
+
+
+def _rating_p_values(
+    truth: RatingTruth, effect: float, shape: tuple[int, int], rng: np.random.Generator
+) -> Mapping[str, Array]:
+    drawn = drawn_differences(truth, effect, shape, rng)
+    return {"one": sign_flip_p_values(drawn[:, :, 0]), "all": sign_flip_p_values(drawn.sum(axis=2))}
+
+
+def drawn_differences(
+    truth: RatingTruth, effect: float, shape: tuple[int, int], rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """Return differences of ratings, (runs, participants, sequences), of a mean and the true spread.
+
+    Whole numbers of the distribution of largest entropy; a person's go together by a normal copula.
+    """
+    edges = np.cumsum(likely_differences(effect, truth.spread))[:-1]
+    person, own = rng.standard_normal((*shape, 1)), rng.standard_normal((*shape, truth.sequences))
+    normal = math.sqrt(truth.agreement) * person + math.sqrt(1 - truth.agreement) * own
+    return np.asarray(np.searchsorted(edges, special.ndtr(normal)) - LARGEST, dtype=np.int64)
+
+
+def _comparison_tests(truth: ComparisonTruth) -> list[PlannedTest]:
+    once = truth.repetitions == 1  # several answers of one person depend on each other: nothing to enumerate
+    margin, share = truth.margin, truth.true_share
+    exact = difference_power if once else None
+    one = PlannedTest("difference, one sequence", "one", share, HALF, exact=exact, fewest=fewest_pairs())
+
+    def within(people: ArrayLike, effect: float, _level: float) -> Array:
+        return equivalence_power(people, effect, margin)
+
+    equal = PlannedTest(
+        "equivalence, one sequence",
+        "one equal",
+        HALF,
+        HALF + margin,
+        margin=margin,
+        exact=within if once else None,
     )
+    if truth.sequences == 1:
+        return [one, equal]
+    every = f"all {truth.sequences} sequences"
+    return [
+        one,
+        _first_of(one, truth.sequences),
+        equal,
+        replace(one, name=f"difference, {every}", key="all", exact=None),
+        replace(equal, name=f"equivalence, {every}", key="all equal", exact=None),
+    ]
 
 
-def _of_one(participants: Sequence[int], power: Sequence[float], wanted: float) -> ParticipantsNeeded:
-    """Return what powers say that give no line: the fewest that were tried, if they are enough."""
-    if min(power, default=0.0) < wanted:
-        return ParticipantsNeeded(None, None, None)
-    fewest = min(participants)
-    return ParticipantsNeeded(fewest, 2, fewest)
+def _comparison_p_values(
+    truth: ComparisonTruth, effect: float, shape: tuple[int, int], rng: np.random.Generator
+) -> Mapping[str, Array]:
+    middle = person_in_the_middle(effect, truth.spread)
+    share = special.expit(middle + truth.spread * rng.standard_normal(shape))  # of a person: in all sequences
+    own = rng.binomial(truth.repetitions, share)
+    others = rng.binomial((truth.sequences - 1) * truth.repetitions, share)
+    found: dict[str, Array] = {}
+    for name, chosen, sequences in (("one", own, 1), ("all", own + others, truth.sequences)):
+        n = sequences * truth.repetitions
+        found[name] = sign_flip_p_values(2 * chosen - n)
+        found[f"{name} equal"] = clustered_equivalence(chosen / n, n, truth.margin)
+    return found
 
 
-def _first(enough: NDArray[np.bool_]) -> int | None:
-    """Return the first number that is enough."""
-    found = np.flatnonzero(enough)
-    return int(NUMBERS[found[0]]) if found.size else None
+def clustered_equivalence(shares: Array, answers: int, margin: float) -> Array:
+    """Return p, (runs,), of the two one-sided t tests of `comparison_shares`, for many experiments at once.
+
+    Participants have shares, (runs, participants), of so many answers each; a share within the margin of 1/2
+    counts as 1/2. Where participants do not differ there is no standard error, no test, and p = 1.
+    """
+    people, share = shares.shape[1], shares.mean(axis=1)
+    scatter = shares.std(axis=1, ddof=1) / math.sqrt(people)
+    flat = scatter < 1e-12
+    error = np.where(flat, 1.0, np.maximum(scatter, independent_error(share, people * answers)))
+    return np.where(flat, 1.0, equivalence_p(share - HALF, error, people, margin))
+
+
+def person_in_the_middle(share: float, spread: float) -> float:
+    """Return the log-odds of a person in the middle, if the mean share of all people is `share`.
+
+    >>> round(person_in_the_middle(0.75, 0.0), 9) == round(float(np.log(3)), 9)
+    True
+    """
+    nodes, weights = np.polynomial.hermite_e.hermegauss(NODES)
+    weights = weights / weights.sum()
+
+    def surplus(middle: float) -> float:
+        return float(weights @ special.expit(middle + spread * nodes)) - share
+
+    return 0.0 if share == HALF else float(optimize.brentq(surplus, -40.0, 40.0))
+
+
+def _search_tests(truth: SearchTruth) -> list[PlannedTest]:
+    where, margin = f"at {truth.locations} locations", truth.margin
+    return [
+        PlannedTest(f"faster, {where}", "faster", truth.ratio, 1.0),
+        PlannedTest(f"not slower by the margin, {where}", "slower", 1.0, margin, margin=margin),
+    ]
+
+
+def _search_p_values(
+    truth: SearchTruth, effect: float, shape: tuple[int, int], rng: np.random.Generator
+) -> Mapping[str, Array]:
+    found = [version_effect(truth, effect, shape[1], rng) for _ in range(shape[0])]
+    slower = [slowing(one, math.log(truth.margin))[0] for one in found]
+    return {
+        "faster": np.array([1.0 if one.p_value is None else one.p_value for one in found]),
+        "slower": np.array([1.0 if p is None else p for p in slower]),
+    }
+
+
+def version_effect(
+    truth: SearchTruth, ratio: float, participants: int, rng: np.random.Generator
+) -> FixedEffect:
+    """Return the effect of ours on ln(time) that one simulated experiment finds.
+
+    The model is that of the analysis (participants' intercepts and effects random, censored at the limit),
+    but the locations' difficulty is known to it instead of estimated, and the test is by the standard error
+    instead of the profile: a fit takes a thirtieth of the time, and p is the same to a tenth of itself.
+    """
+    ln_times, difficulty = (part.ravel() for part in drawn_searches(truth, ratio, participants, rng))
+    ours = np.tile([0.0, 1.0], participants * truth.locations)
+    data = CensoredTimes(
+        times=np.exp(np.minimum(ln_times, 0.0)),
+        observed=ln_times < 0.0,
+        design=np.column_stack([ours, np.ones(ours.size), difficulty]),
+        names=("ours", "intercept", "difficulty"),
+        groups=np.repeat(np.arange(participants), 2 * truth.locations),
+        slope_column=0,
+    )
+    return fit_lognormal_times(data, profiled=(), nodes=SEARCH_NODES).effects[0]
+
+
+def drawn_searches(
+    truth: SearchTruth, ratio: float, participants: int, rng: np.random.Generator
+) -> tuple[Array, Array]:
+    """Return ln(time / time limit) and the location's difficulty, (participants, locations, 2).
+
+    Of the two versions the baseline is the first.
+    """
+    shape = (participants, truth.locations, 2)
+    difficulty = np.broadcast_to(LOCATION_SD * rng.standard_normal((1, truth.locations, 1)), shape)
+    person = PERSON_SD * rng.standard_normal((participants, 1, 1))
+    effect = math.log(ratio) + truth.spread * rng.standard_normal((participants, 1, 1))
+    scatter = math.hypot(SEARCH_SD, PERSON_SD, LOCATION_SD)
+    middle = -scatter * float(special.ndtri(min(1 - truth.undetected, 1 - 1e-12)))
+    noise = SEARCH_SD * rng.standard_normal(shape)
+    return middle + difficulty + person + effect * np.array([0.0, 1.0]) + noise, difficulty
+
+
+# Of each task its tests, and the p values by test, (runs,), of experiments of a shape (runs, participants).
+EXPERIMENTS: dict[str, tuple[Callable[..., list[PlannedTest]], Callable[..., Mapping[str, Array]]]] = {
+    "rating": (_rating_tests, _rating_p_values),
+    "comparison": (_comparison_tests, _comparison_p_values),
+    "search": (_search_tests, _search_p_values),
+}

@@ -52,7 +52,7 @@ async function begin() {
     film = still(await pictureOf(url));
     film.seek(0);
   }
-  if (data.contrast) sheet = await pictureOf(data.contrast.url);
+  sheet = await pictureOf(data.contrast.url);
   $("map-choice").hidden = !sheet || !renderer;
 }
 

@@ -13,8 +13,14 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.player.player_page import Proxy, Tiles
-from evenlight.analysis.player.proxy_video import ProxyEncoder, StillsEncoder, in_background, picture_format
+from evenlight.analysis.player.proxy_video import (
+    Proxy,
+    ProxyEncoder,
+    StillsEncoder,
+    Tiles,
+    in_background,
+    picture_format,
+)
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.loss_curves import UNREADABLE, LossCurves
@@ -31,12 +37,7 @@ ASSUMED_FRAMES = 100_000  # of a video that does not tell how many it has
 class PictureRecorder:
     """Makes the picture of a video's player page while its frames stream past, or later.
 
-    Parameters
-    ----------
-    source : VideoSource
-        The video.
-    cached, quiet : bool
-        Whether pictures are looked for in the user's cache, and kept there; whether to show no progress.
+    If `cached`, pictures are looked for in the user's cache, and kept there.
     """
 
     def __init__(self, source: VideoSource, *, cached: bool, quiet: bool) -> None:
@@ -56,13 +57,7 @@ class PictureRecorder:
         self._picture = encoder.finished()
 
     def picture(self, curves: LossCurves) -> Picture:
-        """Return the picture: of the frames that were watched, from the cache, or of the video read anew.
-
-        Parameters
-        ----------
-        curves : LossCurves
-            Of the video.
-        """
+        """Return the picture: of the frames that were watched, from the cache, or of the video read anew."""
         cache = self._cache(curves)
         if self._picture is None and cache is not None and (kept := cache.read_picture()) is not None:
             return kept
@@ -72,7 +67,6 @@ class PictureRecorder:
         return self._picture
 
     def _encoder(self, first: Frame) -> ProxyEncoder | StillsEncoder:
-        """Return what makes the picture of a video with this first frame."""
         (height, width), n_frames = first.shape, self.source.n_frames or ASSUMED_FRAMES
         seconds = 0.0
         if isinstance(self.source, VideoFile):
@@ -82,7 +76,6 @@ class PictureRecorder:
         return ProxyEncoder(form, n_frames / seconds) if form.rate else StillsEncoder(form)
 
     def _read(self, n_frames: int) -> Picture:
-        """Return the picture of the video, which is read for it."""
         encoder = self._encoder(next(frames_at(self.source, [0])))
         numbers = range(0, n_frames, encoder.form.stride)
         frames = self.source.frames() if encoder.form.rate else frames_at(self.source, numbers)
@@ -97,7 +90,6 @@ class PictureRecorder:
         return encoder.finished()
 
     def _cache(self, curves: LossCurves) -> PictureCache | None:
-        """Return the picture's place in the user's cache; None where none is kept."""
         video = curves.provenance.inputs.get("video", "unknown")
         if not self._cached or video == "unknown":
             return None
@@ -125,7 +117,7 @@ class PictureCache(CurvesCache):
             return None
 
     def store_picture(self, picture: Picture) -> None:
-        """Store the picture."""
+        """Keep the picture."""
         held = {field.name: getattr(picture, field.name) for field in dataclasses.fields(picture)}
         stream = io.BytesIO()
         np.savez(stream, **{**held, "data": np.frombuffer(picture.data, np.uint8)})
@@ -133,7 +125,6 @@ class PictureCache(CurvesCache):
 
     @property
     def _path(self) -> Path:
-        """Return its file."""
         return self.folder / f"{self.key}{PICTURE}"
 
 

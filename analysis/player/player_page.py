@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import json
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,128 +12,123 @@ from typing import Any
 import numpy as np
 from markupsafe import Markup
 from numpy.typing import NDArray
+from PIL import Image
 
-from evenlight.analysis.figure_style import short
-from evenlight.analysis.tracks.track_figure_data import TrackFigureData, budget_in_words, outcome_in_words
+from evenlight.analysis.player.picture_recorder import PictureRecorder
+from evenlight.analysis.player.proxy_video import PAGE_BYTES, Proxy, Tiles, tiles_of
+from evenlight.analysis.tracks.contrast_map_figure import ContrastMap, contrast_maps
+from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.track_figure import DrawnTrack
+from evenlight.analysis.tracks.track_words import (
+    budget_in_words,
+    gain_sentences,
+    key_figures,
+    uses_same_power,
+)
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.quantities import read_only
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.whole_files import write_whole
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.data_schema.tracks.loaded_track import frame_durations
+from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.power import power
+from evenlight.progress import shown_progress
+from evenlight.stimuli.sequence_format import SequenceFormat
 
+PLAYER = "player.html"
 COMMON_GAMMA = 2.2  # of ordinary monitors, nearly that of sRGB (IEC 61966-2-1)
-Frames = NDArray[np.int64]  # which frames of the video, in order
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Proxy:
-    """A video, encoded small enough for a page.
-
-    Attributes
-    ----------
-    data : bytes
-        The file: H.264 in MP4.
-    width, height : int
-        Of its picture [pixels].
-    times, frames : arrays, (M,)
-        When each encoded frame appears, as the file has it [s], and which frame of the video it is.
-    rate : float
-        Bits a second that it was allowed at most.
-    """
-
-    data: bytes
-    width: int
-    height: int
-    times: Array
-    frames: Frames
-    rate: float
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "times", read_only(self.times))
-        object.__setattr__(self, "frames", read_only(self.frames, np.int64))
-        if len(self.times) != len(self.frames) or len(self.times) == 0:
-            raise ValueError(
-                f"need a time for each encoded frame, got {len(self.times)} for {len(self.frames)}"
-            )
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Tiles:
-    """Small pictures of some frames, side by side on one sheet, row by row.
-
-    Attributes
-    ----------
-    data : bytes
-        The sheet: a JPEG of stills, a PNG of contrast maps.
-    width, height, columns : int
-        Of each picture [pixels], and how many there are in a row of the sheet.
-    frames : array, (M,)
-        Which frame of the video each is.
-    """
-
-    data: bytes
-    width: int
-    height: int
-    columns: int
-    frames: Frames
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "frames", read_only(self.frames, np.int64))
+WIDEST_MAPPED = 480  # [pixels] of the averages of a frame that its contrast is computed of
+TILE_WIDTH = 160  # [pixels]
+COLUMNS = 4
+MOST_PIXELS, FEWEST = 17e6, 4  # of all frames that are shown, which takes half a second; so many at least
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PlayerContent:
-    """What a player page shows.
+    """What a player page shows."""
 
-    Attributes
-    ----------
-    data : TrackFigureData
-        The track and constant dimming, as in the figure of the track.
-    display : Display
-        The display that the track was made for.
-    constant_power, full_power : array, (N,), float
-        Power under constant dimming while each frame is shown, and mean power at full brightness [W].
-    picture : Proxy or Tiles
-        The video; of a very long one, still pictures.
-    contrast : Tiles, optional
-        Where contrast is lost, as PNG: red is the share of the visible contrast at a place that is lost
-        with the track, green with constant dimming.
-    notes : tuple of str
-        What is to be said of the picture below it, e.g. how large it is.
-    details : str
-        More of that, for those who ask.
+    data: DrawnTrack
+    display: Display  # that the track was made for
+    constant_power: Array  # under constant dimming while each frame is shown [W], (N,)
+    picture: Proxy | Tiles  # the video; of a very long one, still pictures
+    # where contrast is lost, as PNG: red is the share of the visible contrast at a place that is lost with
+    # the track, green with constant dimming
+    contrast: Tiles
+    notes: tuple[str, ...] = ()  # what is to be said of the picture below it, e.g. how large it is
+    details: str = ""  # more of that, for those who ask
+
+
+def player_content(
+    job: OptimizationJob,
+    data: DrawnTrack,
+    curves: LossCurves,
+    recorder: PictureRecorder,
+) -> PlayerContent:
+    """Return what the page of a track shows, from the curves, frames and picture of its video."""
+    factors = np.full(curves.n_frames, data.summary.baseline_factor)
+    constant = power(job.request.power_model, factors, curves.channel_means)
+    picture = recorder.picture(curves)
+    with shown_progress(job.quiet) as progress:
+        progress.step(f"maps of lost contrast of {curves.video}")
+        contrast, detail = contrast_tiles(data, curves.display, job.model)
+    shown, why = _of_the_picture(picture, curves)
+    notes = [f"{shown} Maps of lost contrast for {len(contrast.frames)} frames."]
+    if isinstance(getattr(recorder.source, "format", None), SequenceFormat):
+        notes.append(f"{curves.video} is a built-in sequence: rendered, not filmed.")
+    if job.request.rate_limit.simulated:
+        notes.append("The rate limit is of simulated participants.")
+    return PlayerContent(data, curves.display, constant, picture, contrast, tuple(notes), f"{why} {detail}")
+
+
+def _of_the_picture(picture: Proxy | Tiles, curves: LossCurves) -> tuple[str, str]:
+    """Say what the picture is, and why it is not the video."""
+    if isinstance(picture, Tiles):
+        every = float(curves.durations.sum()) * np.diff(picture.frames, append=0)[0] / curves.n_frames
+        why = f"The video is too long for a moving picture in a page of {PAGE_BYTES / 1e6:.0f} MB."
+        return f"Picture: {len(picture.frames)} stills, one every {every:.3g} s.", why
+    shown = f"Picture: {picture.width} × {picture.height} copy, no sound."
+    return shown, f"It is H.264 of at most {picture.rate / 1000:.0f} kbit/s, so that the page stays small."
+
+
+def contrast_tiles(data: DrawnTrack, display: Display, model: ContrastModel) -> tuple[Tiles, str]:
+    """Return where some frames lose visible contrast, by the map of the figure, and what to say of it.
+
+    Red is the share of the visible contrast at a place that is lost with the track, green with constant
+    dimming. The track's samples are averaged to at most 480 pixels across, so that it takes
+    little time: detail finer than that is left out, and the map is of the finest that is left. Of large
+    frames, some are passed over. The display is at the pixels per degree of the analysis.
     """
+    held = data.samples
+    high, wide = held[0][1].shape[:2]
+    held = held[:: min(math.ceil(len(held) * high * wide / MOST_PIXELS), max(1, len(held) // FEWEST))]
+    maps = [
+        contrast_maps(pixels, data.compared_at(index), display, model, WIDEST_MAPPED)
+        for index, pixels in held
+    ]
+    width = min(TILE_WIDTH, wide)
+    height = max(1, round(high * width / wide))
+    pictures = [_tile(ours, constant, (width, height)) for ours, constant in maps]
+    details = " or ".join(sorted({f"{ours.frequency:.3g}" for ours, _ in maps}, key=float))
+    finer = "; finer detail is averaged away" if maps[0][0].averaged else ""
+    said = f"The maps are of details of {details} cycles per degree{finer}."
+    return tiles_of(pictures, [index for index, _ in held], COLUMNS, "PNG"), said
 
-    data: TrackFigureData
-    display: Display
-    constant_power: Array
-    full_power: float
-    picture: Proxy | Tiles
-    contrast: Tiles | None = None
-    notes: tuple[str, ...] = ()
-    details: str = ""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "constant_power", read_only(self.constant_power))
-        if len(self.constant_power) != len(self.data.track.times):
-            raise ValueError(
-                f"constant_power must have one value for each of the {len(self.data.track.times)} frames, "
-                f"got {len(self.constant_power)}"
-            )
+def _tile(ours: ContrastMap, constant: ContrastMap, size: tuple[int, int]) -> NDArray[np.uint8]:
+    """Return the shares that are lost, ours red and constant green, over rectangles of the map's pixels.
+
+    A map of coarse detail may have fewer pixels than the tile, of some width and height: they are repeated.
+    """
+    masks = np.stack([ours.lost, constant.lost, ours.reference], axis=-1)
+    small = np.asarray(Image.fromarray(masks.astype(np.uint8) * 255).resize(size, Image.Resampling.BOX))
+    visible = np.maximum(small[..., 2:], 1.0)
+    shares = np.where(small[..., 2:] > 0, np.minimum(small[..., :2] / visible, 1.0), 0.0)
+    return np.dstack([np.rint(255 * shares), np.zeros(size[::-1])]).astype(np.uint8)
 
 
 def write_player_page(path: Path, content: PlayerContent) -> None:
-    """Write a page that needs no other file and no network, opened by a double click.
-
-    Parameters
-    ----------
-    path : Path
-        Of the page, e.g. `player.html`; written whole.
-    content : PlayerContent
-        What it shows.
-    """
+    """Write a page that needs no other file and no network, opened by a double click."""
     write_whole(path, player_html(content))
 
 
@@ -143,78 +139,49 @@ def player_html(content: PlayerContent) -> str:
     room = Environment(
         loader=PackageLoader("evenlight.analysis", "player"), undefined=StrictUndefined, autoescape=True
     )
-    data, display = content.data, content.display
+    data, display, summary = content.data, content.display, content.data.summary
     return room.get_template("page.html").render(
         file=_file,
         data=_script_data(content),
-        title=f"{data.track.header.video} on {display.name}, {budget_in_words(data)}",
-        gained=data.gained,
-        outcome=outcome_in_words(data),
-        figures=_key_figures(content),
+        title=f"{data.track.header.video} on {display.name}, {budget_in_words(summary)}",
+        gained=gain_sentences(summary)[:2],
+        outcome=data.outcome,
+        figures=key_figures(summary),
         display=display,
         pixels=data.track.header.actuator is Actuator.PIXELS,
         notes=content.notes,
         details=content.details,
-        constant=data.baseline_factor,
-        on_other_monitor=data.baseline_factor ** (COMMON_GAMMA / display.gamma),
+        constant=summary.baseline_factor,
+        on_other_monitor=summary.baseline_factor ** (COMMON_GAMMA / display.gamma),
         common_gamma=COMMON_GAMMA,
-        constant_name="constant, same power" if data.same_power else "constant, same mean factor",
+        constant_name=f"constant, same {'power' if uses_same_power(summary) else 'mean factor'}",
         reflected_most=max(0.1 * display.peak_luminance, 2 * display.reflected_luminance),
     )
 
 
 def _file(name: str) -> Markup:
-    """Return a script or style of this folder as it is, which is for the page to hold."""
     return Markup((Path(__file__).parent / name).read_text(encoding="utf-8"))
-
-
-def _key_figures(content: PlayerContent) -> list[tuple[str, str, str]]:
-    """Return what is gained at a glance: name, figure, and what it is to be compared with."""
-    data, track = content.data, content.data.track
-    durations = frame_durations(track)
-    power, constant = (float(np.average(p, weights=durations)) for p in (track.power, content.constant_power))
-    loss, constant_loss = (
-        float(np.average(x, weights=durations)) for x in (track.contrast_loss, data.baseline_loss)
-    )
-    other = "" if data.same_power else f"constant {short(constant)}, "
-    fastest = 100 * float(np.max(np.abs(rate_shares(track))))
-    return [
-        ("Power", f"{short(power)} W", f"{other}full brightness {short(content.full_power)} W"),
-        ("Unevenness of contrast loss", short(data.objective), f"constant {short(data.objective_baseline)}"),
-        ("Mean contrast loss", f"{short(100 * loss)} %", f"constant {short(100 * constant_loss)} %"),
-        ("Fastest change", f"{short(fastest)} %", "of the rate limit ΔL"),
-    ]  # fmt: skip
-
-
-def rate_shares(track: BrightnessTrack) -> Array:
-    """Return the rate of each step as a share of its limit, signed, (N,); 0 where nothing may change.
-
-    >>> from types import SimpleNamespace
-    >>> track = SimpleNamespace(rate=np.array([-1.0, 0.0]), rate_limit=np.array([2.0, 0.0]))
-    >>> rate_shares(track).tolist()
-    [-0.5, 0.0]
-    """
-    return np.divide(track.rate, track.rate_limit, out=np.zeros_like(track.rate), where=track.rate_limit > 0)
 
 
 def _script_data(content: PlayerContent) -> Markup:
     """Return the content as JSON that no HTML in a name can break; arrays as base64 of float32."""
     data, display, picture = content.data, content.display, content.picture
     track = data.track
+    rate = np.divide(track.rate, track.rate_limit, out=np.zeros_like(track.rate), where=track.rate_limit > 0)
     record = {
         "end": float(track.times[-1] + frame_durations(track)[-1]),
         "times": _base64(track.times.astype("<f8")),
         "factors": _floats(track.factors),
-        "constantFactor": data.baseline_factor,
+        "constantFactor": data.summary.baseline_factor,
         "loss": _floats(100 * track.contrast_loss),
         "constantLoss": _floats(100 * data.baseline_loss),
-        "rate": _floats(100 * rate_shares(track)),
+        "rate": _floats(100 * rate),
         "power": _floats(track.power),
         "constantPower": _floats(content.constant_power),
         "gamma": display.gamma,
         "lightRange": display.peak_luminance - display.black_level,
         "picture": _pictures(picture, "video/mp4" if isinstance(picture, Proxy) else "image/jpeg"),
-        "contrast": _pictures(content.contrast, "image/png") if content.contrast else None,
+        "contrast": _pictures(content.contrast, "image/png"),
     }
     return Markup(json.dumps(record, allow_nan=False).replace("<", "\\u003c"))
 
@@ -233,10 +200,8 @@ def _pictures(picture: Proxy | Tiles, kind: str) -> dict[str, Any]:
 
 
 def _floats(values: Array) -> str:
-    """Return numbers as the page keeps them: seven digits are more than it shows."""
-    return _base64(values.astype("<f4"))
+    return _base64(values.astype("<f4"))  # seven digits are more than the page shows
 
 
 def _base64(content: bytes | NDArray[Any]) -> str:
-    """Return bytes as text."""
     return base64.b64encode(bytes(content) if isinstance(content, bytes) else content.tobytes()).decode()

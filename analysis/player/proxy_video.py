@@ -20,10 +20,12 @@ import av
 import numpy as np
 from av.video.frame import VideoFrame
 from av.video.reformatter import ColorRange, Interpolation, VideoReformatter
+from numpy.typing import NDArray
 from PIL import Image
 
-from evenlight.analysis.player.player_page import Proxy, Tiles
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.frame import Frame, LumaChroma, Pixels
+from evenlight.data_schema.quantities import read_only
 from evenlight.stimuli.video.frame_conversion import BT601, BT709, EXACT, LUMA_WEIGHTS, planes_of
 
 PAGE_BYTES = 25e6  # of a page, about
@@ -38,39 +40,57 @@ STILL_COLUMNS = 12
 STILL_SIZE = (340, 204)  # [pixels]: a sheet of 12 is 4096 wide at most
 TICK = Fraction(1, 90000)  # [s]
 AHEAD, AHEAD_BYTES = 8, 200_000_000  # frames that wait to be encoded at most, and the size of them
+Frames = NDArray[np.int64]  # which frames of the video, in order
 _MATRICES = {LUMA_WEIGHTS[code]: code for code in (BT601, BT709)}
 _PLANAR = {(1, 1): "yuv444p", (1, 2): "yuv422p", (2, 2): "yuv420p"}
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Proxy:
+    """A video, encoded small enough for a page."""
+
+    data: bytes  # H.264 in MP4
+    width: int  # of its picture [pixels]
+    height: int
+    times: Array  # when each encoded frame appears, as the file has it [s], (M,)
+    frames: Frames  # which frame of the video it is, (M,)
+    rate: float  # bits a second that it was allowed at most
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", read_only(self.times))
+        object.__setattr__(self, "frames", read_only(self.frames, np.int64))
+        if len(self.times) != len(self.frames) or len(self.times) == 0:
+            raise ValueError(
+                f"need a time for each encoded frame, got {len(self.times)} for {len(self.frames)}"
+            )
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tiles:
+    """Small pictures of some frames, side by side on one sheet, row by row."""
+
+    data: bytes  # a JPEG of stills, a PNG of contrast maps
+    width: int  # of each picture [pixels]
+    height: int
+    columns: int  # pictures in a row of the sheet
+    frames: Frames  # which frame of the video each is, (M,)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "frames", read_only(self.frames, np.int64))
+
+
 @dataclass(frozen=True, slots=True)
 class PictureFormat:
-    """What of a video fits into a page.
+    """What of a video fits into a page."""
 
-    Attributes
-    ----------
-    width, height : int
-        Of the picture, or of each still [pixels].
-    rate : float
-        Bits a second at most; 0 for stills.
-    stride : int
-        Every how many frames there is one.
-    """
-
-    width: int
+    width: int  # of the picture, or of each still [pixels]
     height: int
-    rate: float
-    stride: int = 1
+    rate: float  # bits a second at most; 0 for stills
+    stride: int = 1  # every how many frames there is one
 
 
 def picture_format(size: tuple[int, int], n_frames: int, seconds: float) -> PictureFormat:
-    """Return the largest picture that a page has room for.
-
-    Parameters
-    ----------
-    size : (int, int)
-        Width and height of the video [pixels].
-    n_frames, seconds : int, float
-        Its length in frames, and in time [s].
+    """Return the largest picture that a page has room for, of a video's width and height [pixels] and length.
 
     >>> picture_format((1920, 1080), 3750, 150.0)
     PictureFormat(width=854, height=480, rate=857520.0, stride=1)
@@ -97,12 +117,7 @@ def _fitted(size: tuple[int, int], most: tuple[int, int]) -> tuple[int, int]:
 class ProxyEncoder:
     """Encodes frames as H.264 in MP4, in memory; the same frames give the same bytes.
 
-    Parameters
-    ----------
-    form : PictureFormat
-        What it becomes.
-    frames_per_second : float
-        About how many frames there are in a second [Hz]; each keeps its own time.
+    There are about `frames_per_second`; each keeps its own time.
     """
 
     def __init__(self, form: PictureFormat, frames_per_second: float) -> None:
@@ -148,7 +163,6 @@ class ProxyEncoder:
         return Proxy(self._file.getvalue(), form.width, form.height, times, np.array(self._frames), form.rate)
 
     def _write(self, picture: VideoFrame | None) -> None:
-        """Encode a frame, or those that wait; write what comes of it."""
         for packet in self._stream.encode(picture):
             if packet.pts is not None:
                 packet.duration = self._durations.pop(packet.pts)
@@ -160,7 +174,7 @@ class StillsEncoder:
 
     def __init__(self, form: PictureFormat) -> None:
         self.form, self._reformatter = form, VideoReformatter()
-        self._stills: list[np.ndarray[Any, Any]] = []
+        self._stills: list[NDArray[np.uint8]] = []
         self._frames: list[int] = []
 
     def add(self, number: int, frame: Frame) -> None:
@@ -169,27 +183,28 @@ class StillsEncoder:
         small = self._reformatter.reformat(
             decoded(frame.pixel_values), form.width, form.height, "rgb24", interpolation=Interpolation.AREA
         )
-        self._stills.append(small.to_ndarray())
+        self._stills.append(np.asarray(small.to_ndarray(), np.uint8))
         self._frames.append(number)
 
     def finished(self) -> Tiles:
         """Return the sheet."""
-        file = io.BytesIO()
-        columns = min(STILL_COLUMNS, len(self._stills))
-        Image.fromarray(sheet_of(self._stills, columns)).save(file, "JPEG", quality=85)
-        form = self.form
-        return Tiles(file.getvalue(), form.width, form.height, columns, np.array(self._frames))
+        return tiles_of(self._stills, self._frames, STILL_COLUMNS, "JPEG", quality=85)
 
 
-def sheet_of(pictures: list[np.ndarray[Any, Any]], columns: int) -> np.ndarray[Any, Any]:
-    """Return pictures of one size, (h, w, 3), side by side, row by row; what is left over is black."""
+def tiles_of(
+    pictures: list[NDArray[np.uint8]], frames: list[int], most_columns: int, kind: str, **options: Any
+) -> Tiles:
+    """Return pictures of one size, (h, w, 3), row by row on a sheet; what is left over of it is black."""
     height, width, _ = pictures[0].shape
+    columns = min(most_columns, len(pictures))
     rows = -(-len(pictures) // columns)
     sheet = np.zeros((rows * height, columns * width, 3), np.uint8)
     for k, picture in enumerate(pictures):
         row, column = divmod(k, columns)
         sheet[row * height : (row + 1) * height, column * width : (column + 1) * width] = picture
-    return sheet
+    file = io.BytesIO()
+    Image.fromarray(sheet).save(file, kind, **options)
+    return Tiles(file.getvalue(), width, height, columns, np.array(frames))
 
 
 def decoded(pixels: Pixels) -> VideoFrame:

@@ -1,243 +1,180 @@
-"""The figure of detail ratings and its numbers: ratings of each version, differences within participants."""
+"""The figure of detail ratings: ratings of each version back to back, and differences within participants."""
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from evenlight.analysis.figure_style import (
-    BASELINE,
-    FAINT,
-    INK,
-    MUTED,
-    OURS,
-    PAGE,
-    PARTICIPANT,
-    FigureFormat,
-    axes_at,
-    drawable,
-    heading_lines,
-    lines_at,
-    look,
-    new_figure,
-    text_at,
-    text_size,
-)
-from evenlight.analysis.rating.rating_pairs import ALL, PairedRatings, VersionRatings
-from evenlight.analysis.rating.rating_results import PairResult, RatingResults
-from evenlight.analysis.rating.rating_statistics import POINTS, mean_of
+from evenlight.analysis import figure_style as style
+from evenlight.analysis.rating.rating_pairs import ALL, MEAN, POINTS, Ratings, Sample
+from evenlight.analysis.results import Drawing
+from evenlight.analysis.rows import Plot
 from evenlight.analysis.wording import in_words, p_in_words, p_text
-from evenlight.data_schema.analysis_results import Origin, PlottedPoint
+from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, Version
 
-COLUMNS = 4  # panels of ratings side by side
-PANEL_HEIGHT = 11.0  # [em]
-ROW_HEIGHT = 4.2  # of a sequence in the panel of differences [em]
-FINEST_BIN = 0.25  # of differences between means of several ratings [rating points]
-COLOURS = {Version.BASELINE: BASELINE, Version.OURS: OURS}
-_WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.4}  # behind a number that a line would cross
+Look = dict[str, Any]
+COLUMNS = 4  # panels side by side
+PANEL_HEIGHT, ROW_HEIGHT = 11.0, 4.2  # of the ratings of a sequence, of a row of differences [em]
+SIDES = {Version.BASELINE: (-1, style.BASELINE), Version.OURS: (1, style.OURS)}
 RATINGS = range(LOWEST_RATING, HIGHEST_RATING + 1)
+MEAN_SERIES = "mean and 95 % confidence interval"
+_WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.4}  # behind a number that a line would cross
+_BESIDE: Look = {"textcoords": "offset points", "annotation_clip": False}
 
 
-def rating_figure(results: RatingResults, medium: FigureFormat = PAGE) -> Figure:
-    """Draw the ratings of both versions of each sequence, and below them the differences within participants.
-
-    Parameters
-    ----------
-    results : RatingResults
-        What is drawn.
-    medium : FigureFormat
-        Where it is shown.
-    """
-    with look(medium):
-        em = medium.em
-        left, width = 5.0 * em, medium.width - 6.2 * em
-        lines, above = heading_lines(*_heading(results), width, em)
-        columns = min(len(results.sequences), COLUMNS)
-        rows = -(-len(results.sequences) // COLUMNS)
-        top = above + 3.0 * em
-        below = top + rows * (PANEL_HEIGHT + 6.4) * em
-        height = len(results.shown) * ROW_HEIGHT * em
-        figure = new_figure(medium, below + height + 4.2 * em)
-        lines_at(figure, left, lines)
-        for number, name in enumerate(results.sequences):
-            row, column = divmod(number, COLUMNS)
-            across, down = left + column * width / columns, top + row * (PANEL_HEIGHT + 6.4) * em
-            wide = min(width / columns - 1.4 * em, 18 * em)
-            axes = axes_at(figure, across, down, wide, PANEL_HEIGHT * em)
-            _draw_ratings(axes, results, name)
-            axes.tick_params(labelleft=column == 0)
-            axes.set_ylabel("rating (5 is best)" if column == 0 else "")
-        text_at(figure, left, below - 1.9 * em, _differences_in_words(results), fontweight="bold")
-        names, numbers = 7.0 * em, 16.3 * em
-        axes = axes_at(figure, left + names, below, width - names - numbers, height)
-        _draw_differences(axes, results)
-    return figure
-
-
-def _heading(results: RatingResults) -> tuple[str, str]:
-    """Return title and subtitle."""
-    title = f"Detail ratings of {results.people}"
-    return title, (
+def rating_figure(ratings: Ratings) -> Drawing:
+    """Draw the ratings of each sequence, and below them the differences."""
+    bars = (
         "Bars: how many ratings of each value, constant dimming (baseline) to the left, ours to the right. "
         "Diamonds: means with 95 % confidence intervals."
     )
+    who = "simulated participant" if ratings.data.simulated else "participant"
+    differences = f"Difference ours − baseline of each {who}, and its mean with 95 % confidence interval"
+    page = style.PAGE
+    with style.look():
+        em, plots = page.em, []
+        left, width = 5.0 * em, page.width - 6.2 * em
+        lines, above = style.heading_lines(f"Detail ratings of {ratings.people}", bars, width, em)
+        columns, rows = min(len(ratings.sequences), COLUMNS), -(-len(ratings.sequences) // COLUMNS)
+        top, step = above + 3.0 * em, (PANEL_HEIGHT + 6.4) * em
+        below, height = top + rows * step, len(ratings.shown) * ROW_HEIGHT * em
+        figure = style.new_figure(below + height + 4.2 * em)
+        style.lines_at(figure, left, lines)
+        for k, name in enumerate(ratings.sequences):
+            row, column = divmod(k, COLUMNS)
+            wide = min(width / columns - 1.4 * em, 18 * em)
+            across = left + column * width / columns
+            axes = style.axes_at(figure, across, top + row * step, wide, PANEL_HEIGHT * em)
+            plots.append(_draw_ratings(axes, ratings, name))
+            axes.tick_params(labelleft=column == 0)
+            axes.set_ylabel("rating (5 is best)" if column == 0 else "")
+        style.text_at(figure, left, below - 1.9 * em, differences, fontweight="bold")
+        names, numbers = 7.0 * em, 16.3 * em
+        axes = style.axes_at(figure, left + names, below, width - names - numbers, height)
+        plots.append(_draw_differences(axes, ratings))
+    caption = (
+        f"Detail ratings of {ratings.people}: how often each rating was given to each version, and how the "
+        "two differ for the same people (left of 0 the baseline is rated higher). Means with 95 % confidence "
+        "intervals."
+    )
+    return Drawing("rating", figure, caption, tuple(point for plot in plots for point in plot.points))
 
 
-def _differences_in_words(results: RatingResults) -> str:
-    """Return the heading of the lower panel."""
-    who = "simulated participant" if results.simulated else "participant"
-    return f"Difference ours − baseline of each {who}, and its mean with 95 % confidence interval"
-
-
-def _draw_ratings(axes: Axes, results: RatingResults, name: str) -> None:
-    """Draw how often each rating was given, back to back, and the means."""
-    versions = {version: results.versions[name, version] for version in COLOURS}
-    most = max(max(Counter(ratings.ratings).values(), default=1) for ratings in versions.values())
-    for version, side in ((Version.BASELINE, -1), (Version.OURS, 1)):
-        _draw_bars(axes, versions[version], side)
-        _draw_mean(axes, versions[version], side * 1.62 * most)
-    axes.axvline(0, color="white", linewidth=text_size() / 9)
-    axes.set(xlim=(-1.8 * most, 1.8 * most), ylim=(LOWEST_RATING - 0.6, HIGHEST_RATING + 0.6), xticks=[],
-             yticks=list(RATINGS))  # fmt: skip
+def _draw_ratings(axes: Axes, ratings: Ratings, name: str) -> Plot:
+    plot = Plot(axes, name, ratings.rows.origin, ("number of ratings", "1", "rating", POINTS))
+    given = Counter((t.version, t.rating) for t in ratings.data.trials if t.sequence == name)
+    most, size = max(given.values(), default=1), style.text_size()
+    for version in SIDES:
+        _draw_version(plot, version, {k: given[version, k] for k in RATINGS})
+    for version, (side, colour) in SIDES.items():
+        if mean := ratings.rows.find("means", name, f"mean rating, {version.value}"):
+            units = ("version", "1", "mean rating", POINTS)
+            series, look = f"{version.value}, {MEAN_SERIES}", {"color": colour, "clip_on": False}
+            at = side * 1.62 * most
+            plot.interval(series, version.value, mean, at, size, units, upright=True, **look)
+            _name_version(axes, version, mean.n)
+    axes.axvline(0, color="white", linewidth=size / 9)
+    axes.set_xlim(-1.8 * most, 1.8 * most)
+    axes.set_ylim(LOWEST_RATING - 0.6, HIGHEST_RATING + 0.6)
+    axes.set(xticks=[], yticks=list(RATINGS))
     axes.spines["bottom"].set_visible(False)
-    axes.set_title(drawable(in_words(name)), loc="left", fontweight="bold")
+    axes.set_title(style.drawable(in_words(name)), loc="left", fontweight="bold")
+    return plot
 
 
-def _draw_bars(axes: Axes, ratings: VersionRatings, side: int) -> None:
-    """Draw the ratings of a version to one side, with their numbers, and name it below."""
-    size, colour = text_size(), COLOURS[ratings.version]
-    numbers = [ratings.ratings.count(rating) for rating in RATINGS]
-    axes.barh(list(RATINGS), [side * n for n in numbers], height=0.78, color=colour, linewidth=0)
-    style: dict[str, Any] = {"textcoords": "offset points", "annotation_clip": False}
-    for rating, number in zip(RATINGS, numbers, strict=True):
-        if number:
-            axes.annotate(f"{number}", (side * number, rating), xytext=(side * 0.25 * size, 0), va="center",
-                          ha="left" if side > 0 else "right", fontsize=0.8 * size, color=MUTED,
-                          **style)  # fmt: skip
-    words = f"{ratings.version.value}\nn = {len(ratings.means)}"
-    axes.annotate(words, (max(side, 0), 0), xytext=(0, -0.5 * size), xycoords="axes fraction", va="top",
-                  ha="right" if side > 0 else "left", fontsize=0.85 * size, color=colour,
-                  **style)  # fmt: skip
+def _draw_version(plot: Plot, version: Version, counts: dict[int, int]) -> None:
+    (side, colour), size, total = SIDES[version], style.text_size(), sum(counts.values())
+    series, bar = f"{version.value}, ratings", {"height": 0.78, "color": colour, "linewidth": 0}
+    text: Look = {
+        "va": "center",
+        "ha": "left" if side > 0 else "right",
+        "fontsize": 0.8 * size,
+        "color": style.MUTED,
+    }
+    for rating, n in counts.items():
+        plot.bar(series, float(n), float(rating), total, across=True, side=side, **bar)
+        if n:
+            at, beside = (side * n, rating), (side * 0.25 * size, 0)
+            plot.axes.annotate(f"{n}", at, xytext=beside, **text, **_BESIDE)
 
 
-def _draw_mean(axes: Axes, ratings: VersionRatings, place: float) -> None:
-    """Draw the mean of a version with its interval, beside the bars."""
-    mean = mean_of(ratings)
-    if mean.value is None:
-        return
-    style: dict[str, Any] = {"color": COLOURS[ratings.version], "clip_on": False}
-    if mean.ci_low is not None and mean.ci_high is not None:
-        axes.plot([place, place], [mean.ci_low, mean.ci_high], linewidth=text_size() / 6, **style)
-    axes.plot(place, mean.value, "D", markersize=0.62 * text_size(), **style)
+def _name_version(axes: Axes, version: Version, n: int | None) -> None:
+    (side, colour), size = SIDES[version], style.text_size()
+    below: Look = {"xytext": (0, -0.5 * size), "xycoords": "axes fraction", "va": "top", **_BESIDE}
+    look: Look = {"ha": "right" if side > 0 else "left", "fontsize": 0.85 * size, "color": colour}
+    axes.annotate(f"{version.value}\nn = {n}", (max(side, 0), 0), **below, **look)
 
 
-def _draw_differences(axes: Axes, results: RatingResults) -> None:
+def _difference_counts(pair: Sample) -> tuple[dict[float, int], float]:
+    """Return how many participants have each difference, in bins, and their width [rating points]."""
+    width = max(pair.step, 0.25) if pair.of else 1.0
+    return dict(sorted(Counter((np.round(pair.values / width) * width).tolist()).items())), width
+
+
+def _draw_differences(axes: Axes, ratings: Ratings) -> Plot:
     """Draw, a row for each sequence, how many participants have each difference, and the mean."""
-    drawn = [difference_counts(result.pairs) for result in results.shown]
-    scale = 0.6 / max(max(counts.values(), default=1) for counts in drawn)
-    adjusted = (*results.adjusted, None) if len(results.pairs) > 1 else (None,)
-    for place, (result, counts) in enumerate(zip(results.shown, drawn, strict=True)):
-        axes.axhline(-place, color=FAINT, linewidth=text_size() / 14, zorder=0)
-        width = 0.8 * bin_width(result.pairs)
+    units = ("ours less baseline", POINTS, "number of participants", "1")
+    plot = Plot(axes, "differences", ratings.rows.origin, units)
+    drawn = {name: _difference_counts(pair) for name, pair in ratings.shown.items()}
+    size, scale = (
+        style.text_size(),
+        0.6 / max(max(counts.values(), default=1) for counts, _ in drawn.values()),
+    )
+    of_mean = ("sequence", "1", "mean of ours less baseline", POINTS)
+    for k, (name, (counts, width)) in enumerate(drawn.items()):
+        floor = float(-k)
+        axes.axhline(floor, color=style.FAINT, linewidth=size / 14, zorder=0)
         for x, count in counts.items():
-            _draw_count(axes, (x, float(-place)), scale * count, width, f"{count}")
-        _draw_row(axes, result, float(-place), adjusted[place])
-    reach = max([1.6, *(abs(x) + 0.5 for counts in drawn for x in counts)])
-    axes.axvline(0, color=INK, linewidth=text_size() / 14, zorder=0.5)
-    axes.set(xlim=(-reach, reach), ylim=(-len(drawn) + 0.68, 0.85), yticks=[],
-             xlabel="difference [rating points]:   baseline better  ←   →  ours better")  # fmt: skip
-    axes.spines["left"].set_visible(False)
-
-
-def _draw_count(axes: Axes, place: tuple[float, float], height: float, width: float, count: str) -> None:
-    """Draw the bar of a difference, and how many participants have it where there is room."""
-    x, floor = place
-    colour = OURS if x > 0 else BASELINE if x < 0 else PARTICIPANT
-    axes.bar(x, height, bottom=floor, width=width, color=colour, linewidth=0)
-    if width > 0.3:
-        size = text_size()
-        axes.annotate(count, (x, floor + height), xytext=(0, 0.1 * size), textcoords="offset points",
-                      ha="center", va="bottom", fontsize=0.8 * size, color=MUTED, bbox=_WHITE)  # fmt: skip
-
-
-def _draw_row(axes: Axes, result: PairResult, floor: float, adjusted: float | None) -> None:
-    """Draw the mean of a row with its interval below the bars, its name before and its numbers after it."""
-    size, mean = text_size(), result.mean
-    beside: dict[str, Any] = {"textcoords": "offset points", "va": "center", "annotation_clip": False}
-    if mean.value is not None:
-        if mean.ci_low is not None and mean.ci_high is not None:
-            axes.plot(
-                [mean.ci_low, mean.ci_high], [floor - 0.13] * 2, color=INK, linewidth=size / 6, zorder=3
+            plot.note(f"{name}, bins of {width:g}", x, float(count), n=sum(counts.values()))
+        _draw_counts(axes, floor, scale, counts, width)
+        if mean := ratings.rows.find("differences", name, MEAN):
+            at = floor - 0.13
+            plot.interval(
+                MEAN_SERIES, name, mean, at, size, of_mean, upright=False, color=style.INK, zorder=3
             )
-        axes.plot(mean.value, floor - 0.13, "D", color=INK, markersize=0.62 * size, zorder=4)
-    name = "All, each\none's mean" if result.pairs.name == ALL else in_words(result.pairs.name)
-    axes.annotate(drawable(name), (0.0, floor + 0.12), xytext=(-0.8 * size, 0), ha="right",
-                  xycoords=("axes fraction", "data"), fontweight="bold", **beside)  # fmt: skip
-    axes.annotate(_numbers(result, adjusted), (1.0, floor + 0.12), xytext=(0.8 * size, 0), ha="left",
-                  xycoords=("axes fraction", "data"), fontsize=0.9 * size, linespacing=1.35,
-                  **beside)  # fmt: skip
+            _write_beside(axes, floor + 0.12, name, mean, several=len(ratings.pairs) > 1)
+    reach = max([1.6, *(abs(x) + 0.5 for counts, _ in drawn.values() for x in counts)])
+    axes.axvline(0, color=style.INK, linewidth=size / 14, zorder=0.5)
+    axes.set(xlim=(-reach, reach), ylim=(-len(drawn) + 0.68, 0.85), yticks=[])
+    axes.set_xlabel("difference [rating points]:   baseline better  ←   →  ours better")
+    axes.spines["left"].set_visible(False)
+    return plot
 
 
-def _numbers(result: PairResult, adjusted: float | None) -> str:
-    """Return mean, interval, p and n of a row."""
-    mean, n = result.mean, len(result.pairs.participant_ids)
-    if mean.value is None or result.flip is None:
+def _draw_counts(axes: Axes, floor: float, scale: float, counts: dict[float, int], width: float) -> None:
+    size = style.text_size()
+    text: Look = {
+        "ha": "center",
+        "va": "bottom",
+        "fontsize": 0.8 * size,
+        "color": style.MUTED,
+        "bbox": _WHITE,
+    }
+    for x, count in counts.items():
+        colour = style.OURS if x > 0 else style.BASELINE if x < 0 else style.PARTICIPANT
+        axes.bar(x, scale * count, bottom=floor, width=0.8 * width, color=colour, linewidth=0)
+        if 0.8 * width > 0.3:
+            above, beside = (x, floor + scale * count), (0, 0.1 * size)
+            axes.annotate(f"{count}", above, xytext=beside, textcoords="offset points", **text)
+
+
+def _write_beside(axes: Axes, at: float, name: str, mean: Statistic, *, several: bool) -> None:
+    size = style.text_size()
+    text: Look = {"va": "center", "xycoords": ("axes fraction", "data"), **_BESIDE}
+    title = style.drawable("All, each\none's mean" if name == ALL else in_words(name))
+    axes.annotate(title, (0.0, at), xytext=(-0.8 * size, 0), ha="right", fontweight="bold", **text)
+    numbers: Look = {"ha": "left", "fontsize": 0.9 * size, "linespacing": 1.35}
+    axes.annotate(_numbers(mean, several), (1.0, at), xytext=(0.8 * size, 0), **numbers, **text)
+
+
+def _numbers(mean: Statistic, several: bool) -> str:
+    """Return mean, interval, p and n of a row; Holm's p where there are several sequences."""
+    if mean.value is None or mean.p_value is None:
         return mean.flag
-    interval = "" if mean.ci_low is None else f"  [{mean.ci_low:+.2f}, {mean.ci_high:+.2f}]"
-    holm = "" if adjusted is None else f" (Holm {p_text(adjusted)})"
-    words = f"{mean.value:+.2f}{interval}\n{p_in_words(result.flip.p_value)}{holm}, n = {n}"
-    return words.replace("-", "−")
-
-
-def bin_width(pairs: PairedRatings) -> float:
-    """Return how wide the bins are in which differences are counted [rating points]."""
-    return max(pairs.step, FINEST_BIN) if pairs.participant_ids else 1.0
-
-
-def difference_counts(pairs: PairedRatings) -> dict[float, int]:
-    """Return how many participants have each difference, in bins."""
-    width = bin_width(pairs)
-    return dict(sorted(Counter((np.round(pairs.values / width) * width).tolist()).items()))
-
-
-def rating_points(results: RatingResults) -> tuple[PlottedPoint, ...]:
-    """Return every number that `rating_figure` draws: bars and means of ratings, and of differences."""
-    origin = Origin.SIMULATED if results.simulated else Origin.RECORDED
-    differences = [point for result in results.shown for point in _difference_points(result, origin)]
-    return (*_rating_points(results, origin), *differences)
-
-
-def _rating_points(results: RatingResults, origin: Origin) -> Iterator[PlottedPoint]:
-    """Return how often each rating was given, and the means."""
-    for (sequence, version), ratings in results.versions.items():
-        for rating in range(LOWEST_RATING, HIGHEST_RATING + 1):
-            yield PlottedPoint(
-                sequence, f"{version.value}, ratings", "", float(ratings.ratings.count(rating)),
-                float(rating), "number of ratings", "1", "rating", POINTS, origin, n=len(ratings.ratings),
-            )  # fmt: skip
-        mean = mean_of(ratings)
-        yield PlottedPoint(
-            sequence, f"{version.value}, mean and 95 % confidence interval", version.value, None, mean.value,
-            "version", "1", "mean rating", POINTS, origin, mean.ci_low, mean.ci_high, len(ratings.means),
-        )  # fmt: skip
-
-
-def _difference_points(result: PairResult, origin: Origin) -> Iterator[PlottedPoint]:
-    """Return how many participants have each difference, and the mean."""
-    name, n, mean = result.pairs.name, len(result.pairs.participant_ids), result.mean
-    series = f"{name}, bins of {bin_width(result.pairs):g}"
-    for difference, count in difference_counts(result.pairs).items():
-        yield PlottedPoint(
-            "differences", series, "", difference, float(count), "ours less baseline", POINTS,
-            "number of participants", "1", origin, n=n,
-        )  # fmt: skip
-    yield PlottedPoint(
-        "differences", "mean and 95 % confidence interval", name, None, mean.value, "sequence", "1",
-        "mean of ours less baseline", POINTS, origin, mean.ci_low, mean.ci_high, n,
-    )  # fmt: skip
+    ends = "" if mean.ci_low is None else f"  [{mean.ci_low:+.2f}, {mean.ci_high:+.2f}]"
+    holm = "" if mean.p_adjusted is None or not several else f" (Holm {p_text(mean.p_adjusted)})"
+    return f"{mean.value:+.2f}{ends}\n{p_in_words(mean.p_value)}{holm}, n = {mean.n}".replace("-", "−")

@@ -4,24 +4,32 @@ ln(time) is normal, with an effect of each place of a ring, of each person, of t
 the order within it; undetected rings are censored at the time limit
 (`analysis.inference.lognormal_times`). The version's effect differs between persons (a random slope), so that
 it is tested between them: docs/decisions/search-inference.md.
+
+The effects of ours at the locations, each with its standard error, are values of a line over ln(brightness
+ratio) with a scatter τ of their own, by restricted likelihood (`analysis.inference.mixed_model`; in
+meta-analysis: random-effects meta-regression). So the slope holds for locations like these, and one odd
+location ("Corridor" in the paper) makes it uncertain instead of certain.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special
 
-from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, unknown_effect
+from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, Flag, student_effect
 from evenlight.analysis.inference.lognormal_times import (
     CensoredTimes,
     Contrast,
     TimesFit,
     fit_lognormal_times,
+    times_fit_without_numbers,
 )
+from evenlight.analysis.inference.mixed_model import GroupedEstimates, fit_mixed_model
+from evenlight.analysis.search.search_pairs import SearchFlag
 from evenlight.analysis.search.search_trials import BrightnessEffect, SearchTable
 from evenlight.data_schema.arrays import Array
 
@@ -29,115 +37,39 @@ PEOPLE_FOR_SPOTS = 4  # over so many each place of a ring is seen in either vers
 LEAST_SCATTER = 0.005  # of ln(time): half a per cent, less than any clock of a participant
 VERSION, BRIGHTNESS = "ours", "ln brightness ratio"
 VISIT, ORDER = "second half", "ten trials later"
-ONE_PERSON = "one participant: interval and p are for this person's searches alone"
-FACTORS_UNKNOWN = "the brightness factors of the versions are unknown"
-NOT_BOTH = "no location was searched in both versions: there is no ratio"
-
-
-@dataclass(frozen=True, slots=True)
-class SideEffect:
-    """Effect of ours on ln(time) at the locations of one side.
-
-    Attributes
-    ----------
-    side : BrightnessEffect
-        Which.
-    locations, n : int
-        How many of them, and of searches there.
-    effect : FixedEffect
-        Of ours against the baseline.
-    slowing_p : float or None
-        Of the test that ours takes longer by the margin, or more: small where such a slowing is excluded.
-    slowing_high : float or None
-        Largest slowing that is not excluded at 5 %, in ln(time).
-    """
-
-    side: BrightnessEffect
-    locations: int
-    n: int
-    effect: FixedEffect
-    slowing_p: float | None
-    slowing_high: float | None
-
-
-@dataclass(frozen=True, slots=True)
-class SearchModels:
-    """Effects on ln(time); exponentiated they are ratios of times.
-
-    Attributes
-    ----------
-    overall : TimesFit
-        With one effect of the version, and those of order.
-    sides : tuple of SideEffect
-        Where ours is brighter, where it is about equal, and where it is dimmer.
-    brightness : TimesFit
-        With the slope of ln(time) over ln(factor), and what ours does at equal brightness.
-    by_location : mapping of int to FixedEffect
-        Effect of ours at each location by itself.
-    n_by_location : mapping of int to int
-        Searches that it rests on.
-    dropped, capped, wrong : TimesFit
-        As overall, if undetected rings are left out, counted as found at the time limit, or joined by
-        those whose gap was identified wrongly; intervals by the standard error.
-    n_left_out : int
-        Searches at places where nobody ever found a ring, or only one version was shown: they say nothing.
-    """
-
-    overall: TimesFit
-    sides: tuple[SideEffect, ...]
-    brightness: TimesFit
-    by_location: Mapping[int, FixedEffect]
-    n_by_location: Mapping[int, int]
-    dropped: TimesFit
-    capped: TimesFit
-    wrong: TimesFit
-    n_left_out: int
-
-
-def search_models(table: SearchTable, margin: float) -> SearchModels:
-    """Fit the models of the search times.
-
-    Parameters
-    ----------
-    table : SearchTable
-        The trials, of both versions.
-    margin : float
-        Slowing that is to be excluded where ours is dimmer, as ln(ratio of times).
-    """
-    used = informative(table)
-    overall = _fit(used, {VERSION: _ours(used)}, VERSION)
-    found, wrong = table.found, table.found & ~table.correct
-    return SearchModels(
-        overall=overall,
-        sides=_sides(used, margin),
-        brightness=brightness_fit(used),
-        by_location=effects_by_location(used),
-        n_by_location={int(k): int((used.location == k).sum()) for k in np.unique(used.location)},
-        dropped=overall if found.all() or not found.any() else version_fit(table.some(found), False),
-        capped=overall if found.all() else version_fit(replace(table, found=np.ones_like(found)), False),
-        wrong=version_fit(table.without_wrong(), False) if wrong.any() else overall,
-        n_left_out=table.times.size - used.times.size,
-    )
-
-
-def version_effect(table: SearchTable, profiled: bool = True) -> FixedEffect:
-    """Return the effect of ours on ln(time), over all locations.
-
-    Parameters
-    ----------
-    table : SearchTable
-        The trials.
-    profiled : bool
-        Whether interval and test go by the profile of the likelihood, or by the standard error, which is
-        quicker.
-    """
-    return effect_of(version_fit(table, profiled), VERSION)
+FEWEST = 4  # locations of a line with a scatter of its own
+TOO_FEW = f"fewer than {FEWEST} locations with an effect of their own"
+ALL_ALIKE = "all locations have the same ratio of brightness"
+# What is done with undetected rings.
+CENSORED = "undetected rings censored"
+DROPPED = "undetected rings left out, as in the paper's average"
+CAPPED = "undetected rings as found at the limit"
+WRONG = "gaps identified wrongly count as undetected"
 
 
 def version_fit(table: SearchTable, profiled: bool = True) -> TimesFit:
-    """Return the model of which that effect is one."""
+    """Return the model with one effect of ours on ln(time), `VERSION`, over all locations.
+
+    Interval and test go by the profile of the likelihood, or by the standard error, which is quicker.
+    """
     used = informative(table)
     return _fit(used, {VERSION: _ours(used)}, VERSION, profiled=profiled)
+
+
+def treated_fits(table: SearchTable, overall: TimesFit) -> dict[str, TimesFit]:
+    """Return the model by the treatment of undetected rings: that in which they are censored, and others.
+
+    Intervals of the others are by the standard error.
+    """
+    found, wrong = table.found, table.found & ~table.correct
+    dropped = capped = overall
+    if not found.all():
+        dropped = version_fit(table.some(found), False) if found.any() else overall
+        capped = version_fit(replace(table, found=np.ones_like(found)), False)
+    ways = {CENSORED: overall, DROPPED: dropped, CAPPED: capped}
+    if table.gaps_known:
+        ways[WRONG] = version_fit(table.without_wrong(), False) if wrong.any() else overall
+    return ways
 
 
 def brightness_fit(table: SearchTable) -> TimesFit:
@@ -148,7 +80,7 @@ def brightness_fit(table: SearchTable) -> TimesFit:
     """
     known = table.of_known_brightness
     if table.times.size and not known.times.size:
-        return _without_numbers(known, (BRIGHTNESS, VERSION), (), FitFlag.NONE, FACTORS_UNKNOWN)
+        return _without_numbers(known, (BRIGHTNESS, VERSION), (), (FitFlag.NONE, SearchFlag.FACTORS_UNKNOWN))
     ours = _ours(known)
     return _fit(known, {BRIGHTNESS: ours * known.ln_ratio, VERSION: ours}, BRIGHTNESS)
 
@@ -161,9 +93,38 @@ def effects_by_location(table: SearchTable) -> dict[int, FixedEffect]:
     return {k: effect_of(fit, str(k)) for k in places}
 
 
+def effects_by_side(table: SearchTable) -> dict[BrightnessEffect, FixedEffect]:
+    """Return the effect of ours where it brightens, hardly does either, and dims, of one model for all.
+
+    The model has an effect of ours on the first side, and what is added to it on the others; the effect on
+    each is a contrast, with the random slope of the version that its test needs. A side without a location
+    is left out.
+    """
+    table = table.of_known_brightness
+    sides = table.sides[table.location]
+    masks = {side: sides == side for side in BrightnessEffect}
+    present = {side: mask for side, mask in masks.items() if mask.any()}
+    if not present:
+        return {}
+    added = {f"added where {side.value}": _ours(table) * mask for side, mask in list(present.items())[1:]}
+    sums = {side.value: (VERSION, *list(added)[max(k - 1, 0) : k]) for k, side in enumerate(present)}
+    fit = _fit(table, {VERSION: _ours(table), **added}, VERSION, sums)
+    return dict(zip(present, fit.contrasts, strict=True))
+
+
 def effect_of(fit: TimesFit, name: str) -> FixedEffect:
     """Return an effect of a fit by its name."""
     return next(effect for effect in fit.effects if effect.name == name)
+
+
+def people_slope(fit: TimesFit) -> FixedEffect:
+    """Return the slope for people like these: of one participant's searches neither interval nor test."""
+    effect = effect_of(fit, BRIGHTNESS)
+    if fit.n_groups > 1:
+        return effect
+    alone: tuple[Flag, ...] = (SearchFlag.ONE_PERSON_ONLY,)
+    flags = alone if effect.estimate is not None else effect.flags or alone
+    return replace(effect, ci_low=None, ci_high=None, p_value=None, flags=flags)
 
 
 def informative(table: SearchTable) -> SearchTable:
@@ -200,18 +161,8 @@ def _fit(
 ) -> TimesFit:
     """Return the model with some columns beside places, half and order.
 
-    Parameters
-    ----------
-    table : SearchTable
-        The trials.
-    columns : mapping of str to array
-        Columns of the design by name.
-    slope : str or None
-        Which of them differs between people; its interval, and those of the sums, go by the profile.
-    sums : mapping of str to sequence of str, optional
-        Contrasts wanted: names of the columns whose effects are added.
-    profiled : bool
-        False for intervals by the standard error throughout.
+    The column `slope` differs between people; its interval, or those of the sums, go by the profile, unless
+    all are by the standard error. A sum is a contrast: names of columns whose effects are added.
     """
     places = _places(table)
     dummies = np.eye(int(places.max(initial=-1)) + 1)[places]
@@ -225,7 +176,7 @@ def _fit(
     design = np.column_stack([*own.values(), dummies])
     why = _unfit(table, design)
     if why is not None:
-        return _without_numbers(table, names, tuple(contrast.name for contrast in contrasts), *why)
+        return _without_numbers(table, names, sums or (), why)
     data = CensoredTimes(
         times=table.model_times,
         observed=table.found,
@@ -244,88 +195,52 @@ def with_flags(fit: TimesFit) -> TimesFit:
     That an effect runs to infinity is said of all where it is one of places or order; one of the version says
     so itself, and hardly touches that at other locations.
     """
-    words = [ONE_PERSON] if FitFlag.ONE_PARTICIPANT in fit.flags else []
-    words += [FitFlag.NOT_CONVERGED.value] if FitFlag.NOT_CONVERGED in fit.flags else []
+    more: list[Flag] = [SearchFlag.ONE_PERSON] if FitFlag.ONE_PARTICIPANT in fit.flags else []
+    more += [FitFlag.NOT_CONVERGED] if FitFlag.NOT_CONVERGED in fit.flags else []
     every = (*fit.effects, *fit.contrasts)
     order = [e for e in every if e.name in (VISIT, ORDER) or e.name.startswith("place ")]
-    runs = any("infinity" in effect.flag for effect in order)
-    words += [FitFlag.SEPARATED.value] if runs else []
+    runs = any(effect.endless for effect in order)
+    more += [FitFlag.SEPARATED] if runs else []
 
     def flagged(effect: FixedEffect) -> FixedEffect:
         if effect.estimate is None and effect.ci_low is None and effect.ci_high is None:
-            return effect  # its own flag says why
-        return replace(effect, flag="; ".join(word for word in (effect.flag, *words) if word))
+            return effect  # its own flags say why
+        return replace(effect, flags=(*effect.flags, *more))
 
     return replace(
         fit, effects=tuple(map(flagged, fit.effects)), contrasts=tuple(map(flagged, fit.contrasts))
     )
 
 
-def _unfit(table: SearchTable, design: Array) -> tuple[FitFlag, str] | None:
-    """Return why no model can be fitted, where that is plain to see, and in words; None otherwise.
+def _unfit(table: SearchTable, design: Array) -> tuple[FitFlag, Flag] | None:
+    """Return why no model can be fitted, where that is plain to see: of the fit, and of its effects.
 
     A version in which nothing was found takes longer by any factor. Found times that the design gives
     exactly, as where all are equal, leave no scatter to judge by. In both cases a search for the largest
     likelihood would run on for long.
     """
     if not table.times.size:
-        return FitFlag.NOT_ESTIMABLE, NOT_BOTH
+        return FitFlag.NOT_ESTIMABLE, SearchFlag.NOT_BOTH
     if not table.found.any():
-        return FitFlag.NOTHING_OBSERVED, FitFlag.NOTHING_OBSERVED.value
+        return FitFlag.NOTHING_OBSERVED, FitFlag.NOTHING_OBSERVED
     if np.unique(table.ours[table.found]).size < np.unique(table.ours).size:
-        return FitFlag.SEPARATED, FitFlag.SEPARATED.value
+        return FitFlag.SEPARATED, FitFlag.SEPARATED
     logs, rows = np.log(table.model_times[table.found]), design[table.found]
     left = logs - rows @ np.linalg.lstsq(rows, logs, rcond=None)[0]
     more_rows = rows.shape[0] > np.linalg.matrix_rank(rows)
-    if more_rows and float(np.abs(left).max()) < LEAST_SCATTER:
-        return FitFlag.NO_SCATTER, FitFlag.NO_SCATTER.value
-    return None
+    none_left = more_rows and float(np.abs(left).max()) < LEAST_SCATTER
+    return (FitFlag.NO_SCATTER, FitFlag.NO_SCATTER) if none_left else None
 
 
 def _without_numbers(
-    table: SearchTable, names: Sequence[str], sums: Sequence[str], why: FitFlag, words: str
+    table: SearchTable, names: Sequence[str], sums: Iterable[str], why: tuple[FitFlag, Flag]
 ) -> TimesFit:
-    """Return a fit that says why there is none."""
-    return TimesFit(
-        effects=tuple(replace(unknown_effect(name, why), flag=words) for name in names),
-        contrasts=tuple(replace(unknown_effect(name, why), flag=words) for name in sums),
-        residual_sd=math.nan,
-        group_sd=math.nan,
-        slope_sd=None,
-        log_likelihood=None,
-        n=table.times.size,
-        n_observed=int(np.count_nonzero(table.found)),
-        n_groups=int(np.unique(table.participant).size),
-        flags=(why,),
-    )
+    n, people = table.times.size, np.unique(table.participant).size
+    return times_fit_without_numbers((names, tuple(sums)), n, people, why[:1], why[1])
 
 
 def _ours(table: SearchTable) -> Array:
-    """Return 1 for ours and 0 for the baseline."""
     return table.ours.astype(np.float64)
-
-
-def _sides(table: SearchTable, margin: float) -> tuple[SideEffect, ...]:
-    """Return the effect of ours where it brightens, hardly does either, and dims, of one model for all.
-
-    The model has an effect of ours on the first side, and what is added to it on the others; the effect on
-    each is a contrast, with the random slope of the version that its test needs.
-    """
-    table = table.of_known_brightness
-    sides = table.sides[table.location]
-    masks = {side: sides == side for side in BrightnessEffect}
-    present = {side: mask for side, mask in masks.items() if mask.any()}
-    if not present:
-        return ()
-    added = {f"added where {side.value}": _ours(table) * mask for side, mask in list(present.items())[1:]}
-    sums = {side.value: (VERSION, *list(added)[max(k - 1, 0) : k]) for k, side in enumerate(present)}
-    fit = _fit(table, {VERSION: _ours(table), **added}, VERSION, sums)
-    found = []
-    for (side, mask), effect in zip(present.items(), fit.contrasts, strict=True):
-        locations = int(np.unique(table.location[mask]).size)
-        n = int(np.count_nonzero(mask))
-        found.append(SideEffect(side, locations, n, effect, *slowing(effect, margin)))
-    return tuple(found)
 
 
 def slowing(effect: FixedEffect, margin: float) -> tuple[float | None, float | None]:
@@ -340,3 +255,101 @@ def slowing(effect: FixedEffect, margin: float) -> tuple[float | None, float | N
     t = (effect.estimate - margin) / effect.standard_error
     largest = effect.estimate + float(special.stdtrit(effect.df, 0.95)) * effect.standard_error
     return float(special.stdtr(effect.df, t)), largest
+
+
+# --- the line over locations --------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class LocationLine:
+    """The effect of ours in ln(time) over x = ln(factor of ours / of the baseline).
+
+    Attributes
+    ----------
+    coefficients, covariance : array (2,), array (2, 2)
+        Effect at equal brightness and slope, and how uncertain they are.
+    scatter : float
+        τ: standard deviation of locations about the line.
+    slope_error_without_scatter : float
+        Standard error of the slope if locations did not scatter.
+    locations : tuple of int
+        Which have an effect of their own.
+    shrunken : array
+        Their effects, drawn to the line as far as they are uncertain.
+    """
+
+    coefficients: Array
+    covariance: Array
+    scatter: float
+    slope_error_without_scatter: float
+    locations: tuple[int, ...]
+    shrunken: Array
+
+    @property
+    def slope_error(self) -> float:
+        """Standard error of the slope."""
+        return math.sqrt(self.covariance[1, 1])
+
+    @property
+    def slope(self) -> FixedEffect:
+        """Its slope, with Student's interval and test over locations."""
+        slope, df = float(self.coefficients[1]), len(self.locations) - 2
+        return student_effect(BRIGHTNESS, slope, self.slope_error, df)
+
+    def band(self, x: Array) -> tuple[Array, Array, Array]:
+        """Return the line, and the ends of its pointwise 95 % confidence band."""
+        design = np.column_stack([np.ones_like(x), x])
+        middle = design @ self.coefficients
+        quantile = special.stdtrit(len(self.locations) - 2, 0.975)
+        half = quantile * np.sqrt(np.einsum("ni,ij,nj->n", design, self.covariance, design))
+        return middle, middle - half, middle + half
+
+
+def line_over_locations(effects: Mapping[int, FixedEffect], ln_ratios: Array) -> LocationLine | str:
+    """Return the line through the effects at the locations; words that say why there is none.
+
+    Parameters
+    ----------
+    effects : mapping of int to FixedEffect
+        Of ours, at each location; those without a number are left out.
+    ln_ratios : array
+        x of each location.
+    """
+    known = tuple(k for k, effect in effects.items() if effect.standard_error)
+    if len(known) < FEWEST:
+        return TOO_FEW
+    x = ln_ratios[list(known)]
+    if np.ptp(x) == 0:
+        return ALL_ALIKE
+    values = np.array([effects[k].estimate for k in known], dtype=np.float64)
+    errors = np.array([effects[k].standard_error for k in known], dtype=np.float64)
+    design = np.column_stack([np.ones_like(x), x])
+    fit = fit_mixed_model(GroupedEstimates(values, errors, design, np.arange(x.size)))
+    fixed = np.linalg.inv(design.T @ (design / errors[:, None] ** 2))
+    on_line = design @ fit.coefficients
+    kept = fit.group_sd**2 / (fit.group_sd**2 + errors**2)
+    return LocationLine(
+        coefficients=fit.coefficients,
+        covariance=fit.covariance,
+        scatter=fit.group_sd,
+        slope_error_without_scatter=math.sqrt(fixed[1, 1]),
+        locations=known,
+        shrunken=on_line + kept * (values - on_line),
+    )
+
+
+def for_people_and_locations(people: FixedEffect, line: LocationLine, n_people: int) -> FixedEffect | None:
+    """Return the slope with the uncertainty of people like these at locations like these.
+
+    Of both analyses, one in which people and one in which locations are random, each holds the scatter of
+    trials: Var = Var_people + Var_locations - Var_trials, as in the quasi-F (Clark, 1973; Judd, Westfall &
+    Kenny, 2012); degrees of freedom by Satterthwaite. `people` is the slope over people.
+    """
+    if people.estimate is None or people.standard_error is None or n_people < 2:
+        return None
+    by_people, by_locations = people.standard_error**2, line.slope_error**2
+    variance = max(by_people + by_locations - line.slope_error_without_scatter**2, by_people, by_locations)
+    over_people, over_locations = n_people - 1, len(line.locations) - 2
+    df = variance**2 / (by_people**2 / over_people + by_locations**2 / over_locations)
+    df = min(max(df, min(over_people, over_locations)), n_people + over_locations)
+    return student_effect(BRIGHTNESS, people.estimate, math.sqrt(variance), df)

@@ -1,27 +1,45 @@
-"""Each person's two searches of a location, one in each version: found in which, and in which first.
+"""Searches without a model of times: each person's two of a location, and shares of all.
 
-The two are a pair: the same person, the same room, both versions. That needs no model of times. Of the exact
-test of detections (McNemar, 1947) only pairs count in which one of the two was found; of the Cox model
-stratified by person and location only those in which it is known which was found first: its partial
-likelihood is that of a logistic regression on who comes first (Holt & Prentice, 1974). Searches that took
-equally long say nothing about it, as their order is unknown (Kalbfleisch & Prentice, 1973); the
-approximations of Breslow and Efron would count each for both sides, as if more were known.
+The two are a pair: the same person, the same room, both versions. Of the exact test of detections (McNemar,
+1947) only pairs count in which one of the two was found; of the Cox model stratified by person and location
+only those in which it is known which was found first: its partial likelihood is that of a logistic regression
+on who comes first (Holt & Prentice, 1974). Searches that took equally long say nothing about it, as their
+order is unknown (Kalbfleisch & Prentice, 1973); the approximations of Breslow and Efron would count each for
+both sides, as if more were known.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import special, stats
+from scipy import special
 
+from evenlight.analysis.inference.binomial_tests import Interval, clustered_interval, exact_p
 from evenlight.analysis.inference.exact_intervals import joined, shared_interval
+from evenlight.analysis.inference.exact_tests import sign_flip_test
+from evenlight.analysis.inference.fixed_effects import FixedEffect, Flag, student_effect
+from evenlight.analysis.inference.paired_effects import Effect, within
 from evenlight.analysis.search.search_trials import SearchTable
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers, Mask
 
-ONE_PERSON = "one participant: the interval and p are for this person's searches alone"
+NONE_DIFFERS = "in no pair was the ring found in one version alone: the data give no interval"
+STEPS = 45  # of time in the curves of the share found
+
+
+class SearchFlag(Flag):
+    """What a reader of an effect on searches must know, beside what a fit says."""
+
+    ONE_PERSON = "one participant: interval and p are for this person's searches alone"
+    ONE_PERSON_ONLY = "one participant: nothing is said of other people"
+    NOT_BOTH = "no location was searched in both versions: there is no ratio"
+    FACTORS_UNKNOWN = "the brightness factors of the versions are unknown"
+    NO_FIRST = "in no pair is it known which version was found first"
+    OURS_FIRST = "separated: ours was found first in all pairs; the ratio has no bound"
+    BASELINE_FIRST = "separated: the baseline was found first in all pairs; the ratio has no bound"
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,76 +62,47 @@ class SearchPairs:
         Searches that have no partner.
     """
 
-    participant: NDArray[np.int64]
-    location: NDArray[np.int64]
-    found_ours: NDArray[np.bool_]
-    found_baseline: NDArray[np.bool_]
-    first: NDArray[np.int64]
-    tied: NDArray[np.bool_]
+    participant: Integers
+    location: Integers
+    found_ours: Mask
+    found_baseline: Mask
+    first: Integers
+    tied: Mask
     later: Array
     unpaired: int
 
-    def at(self, chosen: NDArray[np.bool_]) -> SearchPairs:
+    @property
+    def more(self) -> Integers:
+        """1 where the ring was found in ours alone, -1 where in the baseline alone."""
+        return self.found_ours.astype(np.int64) - self.found_baseline
+
+    @property
+    def discordant(self) -> tuple[int, int]:
+        """Pairs in which the ring was found in ours alone, and in the baseline alone."""
+        return int(np.count_nonzero(self.more > 0)), int(np.count_nonzero(self.more < 0))
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """How many pairs there are of each kind, by which was found first."""
+        ours, baseline, tied = (
+            int(np.count_nonzero(own)) for own in (self.first > 0, self.first < 0, self.tied)
+        )
+        return {
+            "ours found first": ours,
+            "baseline found first": baseline,
+            "both after the same time (left out)": tied,
+            "neither known to be first (left out)": self.first.size - ours - baseline - tied,
+        }
+
+    def at(self, chosen: Mask) -> SearchPairs:
         """Return some of the pairs."""
-        return SearchPairs(
-            self.participant[chosen], self.location[chosen], self.found_ours[chosen],
-            self.found_baseline[chosen], self.first[chosen], self.tied[chosen], self.later[chosen],
-            self.unpaired,
-        )  # fmt: skip
+        names = (name for name in self.__slots__ if name != "unpaired")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in names})
 
-
-@dataclass(frozen=True, slots=True)
-class Detections:
-    """Pairs in which the versions differ in whether the ring was found.
-
-    Attributes
-    ----------
-    n, only_ours, only_baseline : int
-        SearchPairs, and those in which it was found in one of the versions alone.
-    difference, ci_low, ci_high : float
-        Share found in ours minus that in the baseline, with a 95 % confidence interval.
-    p_value : float
-        Of the exact test, two-sided.
-    """
-
-    n: int
-    only_ours: int
-    only_baseline: int
-    difference: float
-    ci_low: float
-    ci_high: float
-    p_value: float
-
-
-@dataclass(frozen=True, slots=True)
-class HazardRatio:
-    """How many times as readily a ring is found in ours as in the baseline, at any moment.
-
-    Attributes
-    ----------
-    ln_ratio, standard_error, ci_low, ci_high : float or None
-        Logarithm of the ratio; above 0 where ours is found sooner. None where `flag` says why.
-    p_value : float or None
-        Two-sided, by the same Student's t as the interval.
-    ours_first, baseline_first, tied, unknown : int
-        SearchPairs: by which was found first, both after the same time, neither known.
-    participants : int
-        Who have a pair that is told from.
-    flag : str
-        What is to be said; empty for nothing.
-    """
-
-    ln_ratio: float | None
-    standard_error: float | None
-    ci_low: float | None
-    ci_high: float | None
-    p_value: float | None
-    ours_first: int
-    baseline_first: int
-    tied: int
-    unknown: int
-    participants: int
-    flag: str
+    def sums(self, scores: Integers | Array) -> Array:
+        """Return the sum of scores of each person."""
+        people = np.unique(self.participant, return_inverse=True)[1]
+        return np.asarray(np.bincount(people, weights=scores), dtype=np.float64)
 
 
 def matched_pairs(table: SearchTable) -> SearchPairs:
@@ -136,42 +125,25 @@ def matched_pairs(table: SearchTable) -> SearchPairs:
     )
 
 
-def _before(table: SearchTable, one: NDArray[np.int64], other: NDArray[np.int64]) -> NDArray[np.bool_]:
+def _before(table: SearchTable, one: NDArray[np.intp], other: NDArray[np.intp]) -> Mask:
     """Return whether one ended before the other; found at the last moment is before undetected."""
     sooner = table.times[one] < table.times[other]
     last_moment = (table.times[one] == table.times[other]) & ~table.found[other]
     return np.asarray(sooner | last_moment, dtype=np.bool_)
 
 
-def detections(pairs: SearchPairs) -> Detections:
-    """Return the exact test of McNemar, and the difference of the shares found.
+# --- found in which version ---------------------------------------------------------------------------------
+
+
+def detections(pairs: SearchPairs) -> Effect:
+    """Return the share found in ours minus that in the baseline, with the exact test of McNemar.
 
     The interval of Bonett and Price is joined with that of the test, so that it holds 0 where the test does
-    not reject it. Pairs must be of different people.
-
-    Parameters
-    ----------
-    pairs : SearchPairs
-        At least one.
+    not reject it. Pairs, at least one, must be of different people.
     """
-    n = pairs.first.size
-    ours = int(np.count_nonzero(pairs.found_ours & ~pairs.found_baseline))
-    baseline = int(np.count_nonzero(pairs.found_baseline & ~pairs.found_ours))
+    n, ours, baseline = pairs.first.size, *pairs.discordant
     low, high = joined(shared_interval(ours, baseline, n), difference_interval(n, ours, baseline))
-    return Detections(n, ours, baseline, (ours - baseline) / n, low, high, mcnemar_p(ours, baseline))
-
-
-def difference_error(n: int, one: int, other: int) -> float:
-    """Return the standard error of a difference of paired shares, were the pairs independent.
-
-    That of Bonett and Price (2012): one pair is added to either kind of discordant ones, as few of them tell
-    little of how many there might be.
-
-    >>> round(difference_error(17, 3, 3), 4)  # √8 / 19
-    0.1489
-    """
-    a, b = (one + 1) / (n + 2), (other + 1) / (n + 2)
-    return math.sqrt((a + b - (a - b) ** 2) / (n + 2))
+    return Effect((ours - baseline) / n, low, high, p_value=mcnemar_p(ours, baseline))
 
 
 def mcnemar_p(one: int, other: int) -> float:
@@ -180,51 +152,86 @@ def mcnemar_p(one: int, other: int) -> float:
     >>> mcnemar_p(0, 5)  # twice 1/32
     0.0625
     """
-    return float(stats.binomtest(one, one + other, 0.5).pvalue) if one + other else 1.0
+    return exact_p(one, one + other) if one + other else 1.0
 
 
-def difference_interval(n: int, one: int, other: int, level: float = 0.95) -> tuple[float, float]:
-    """Return the interval of a difference of paired shares after Bonett and Price (2012).
+def _bonett_price(n: int, one: int, other: int) -> tuple[float, float]:
+    """Return middle and standard error of a difference of paired shares (Bonett & Price 2012).
 
-    It is Wald's with one pair added to either kind of discordant ones; without, 17 pairs cover too little.
+    One pair is added to either kind of discordant ones, as few of them tell little of how many there might
+    be: Wald's interval without them covers too little at 17 pairs.
+    """
+    a, b = (one + 1) / (n + 2), (other + 1) / (n + 2)
+    return a - b, math.sqrt((a + b - (a - b) ** 2) / (n + 2))
+
+
+def difference_interval(n: int, one: int, other: int) -> Interval:
+    """Return the 95 % interval of a difference of paired shares after Bonett and Price (2012).
 
     >>> [round(end, 3) for end in difference_interval(17, 3, 3)]  # 1.96 √8 / 19
     [-0.292, 0.292]
     """
-    a, b = (one + 1) / (n + 2), (other + 1) / (n + 2)
-    half = float(special.ndtri(0.5 + level / 2)) * difference_error(n, one, other)
-    return max(a - b - half, -1.0), min(a - b + half, 1.0)
+    middle, error = _bonett_price(n, one, other)
+    half = float(special.ndtri(0.975)) * error
+    return max(middle - half, -1.0), min(middle + half, 1.0)
 
 
-def hazard_ratio(pairs: SearchPairs) -> HazardRatio:
-    """Return the hazard ratio of the Cox model stratified by person and location, ours over baseline.
+def detection_change(pairs: SearchPairs) -> Effect:
+    """Return the share of rings found in ours less that in the baseline, with Student's t over people.
 
-    The later visit is a covariate, where it can be told apart from the version. The standard error is the
-    larger one of two: that of a sandwich over participants, which takes a person's pairs together, and that
-    of independent pairs, as people may be more alike by chance than coins are. Interval and p are Student's t
-    with one degree of freedom less than there are participants.
+    The standard error is the larger one of that over people and that of independent pairs: few people, or few
+    pairs that differ, scatter less by chance than they would again.
+    """
+    more, n = pairs.more.astype(np.float64), pairs.first.size
+    difference = float(more.mean())
+    excess = pairs.sums(more - difference)
+    count = excess.size
+    flag = SearchFlag.ONE_PERSON_ONLY.value if count == 1 else "" if more.any() else NONE_DIFFERS
+    if flag:
+        return Effect(difference, flag=flag)
+    over_people = math.sqrt(count / (count - 1) * float(excess @ excess)) / n
+    error = max(over_people, _bonett_price(n, *pairs.discordant)[1])
+    found = student_effect("rings found", difference, error, count - 1).shown(lambda x: x)
+    return within(found, -1.0, 1.0)
+
+
+def exchanged(pairs: SearchPairs, scores: Integers) -> Effect:
+    """Return the sum of some scores, with the exact p of the persons' sums; without p for one person.
+
+    If it does not matter which version is which, each person's sum is as likely to have the other sign. Of
+    `first` it is the permutation test of the stratified log-rank statistic, with whole persons exchanged.
+    """
+    sums = pairs.sums(scores)
+    if sums.size == 1:
+        return Effect(float(sums[0]), flag=SearchFlag.ONE_PERSON_ONLY.value)
+    return Effect(float(sums.sum()), p_value=sign_flip_test(sums).p_value)
+
+
+# --- found first --------------------------------------------------------------------------------------------
+
+
+def hazard_ratio(pairs: SearchPairs) -> FixedEffect:
+    """Return ln of how many times as readily a ring is found in ours as in the baseline, at any moment.
+
+    It is that of the Cox model stratified by person and location. The later visit is a covariate, where it
+    can be told apart from the version. The standard error is the larger one of two: that of a sandwich over
+    participants, which takes a person's pairs together, and that of independent pairs, as people may be more
+    alike by chance than coins are. Interval and p are Student's t with one degree of freedom less than there
+    are participants.
     """
     known = pairs.at(pairs.first != 0)
-    ours = int(np.count_nonzero(known.first > 0))
-    counts = (ours, known.first.size - ours, int(np.count_nonzero(pairs.tied)))
     people = int(np.unique(known.participant).size)
-    rest = (*counts, pairs.first.size - sum(counts), people)
-    if min(counts[:2]) == 0:
-        return HazardRatio(None, None, None, None, None, *rest, flag=_separated(counts[0], counts[1]))
-    ln_ratio, error = _fitted(known, people)
-    df = people - 1 if people > 1 else math.inf
-    half = float(stats.t.ppf(0.975, df)) * error
-    p_value = float(2 * stats.t.sf(abs(ln_ratio) / error, df))
-    flag = ONE_PERSON if people == 1 else ""
-    return HazardRatio(ln_ratio, error, ln_ratio - half, ln_ratio + half, p_value, *rest, flag=flag)
+    if np.unique(known.first).size < 2:
+        return FixedEffect("ours", flags=(_separated(known),))
+    if people == 1:
+        return student_effect("ours", *_fitted(known, people), math.inf, (SearchFlag.ONE_PERSON,))
+    return student_effect("ours", *_fitted(known, people), people - 1)
 
 
-def _separated(ours: int, baseline: int) -> str:
-    """Return why there is no hazard ratio."""
-    if ours + baseline == 0:
-        return "in no pair is it known which version was found first"
-    version = "ours" if ours else "the baseline"
-    return f"separated: {version} was found first in all {ours + baseline} pairs; the ratio has no bound"
+def _separated(known: SearchPairs) -> SearchFlag:
+    if not known.first.size:
+        return SearchFlag.NO_FIRST
+    return SearchFlag.OURS_FIRST if known.first[0] > 0 else SearchFlag.BASELINE_FIRST
 
 
 def _fitted(pairs: SearchPairs, people: int) -> tuple[float, float]:
@@ -234,13 +241,12 @@ def _fitted(pairs: SearchPairs, people: int) -> tuple[float, float]:
     design = np.ones((pairs.first.size, 1))
     if _visits_tell(pairs):
         design = np.column_stack([design, pairs.later])
-    fit = Logit(pairs.first > 0, design).fit(disp=False)
+    model = Logit(pairs.first > 0, design)
+    fit = model.fit(disp=False)
     errors = [float(fit.bse[0])]
     if people > 1:
         groups = np.unique(pairs.participant, return_inverse=True)[1]
-        clustered = Logit(pairs.first > 0, design).fit(
-            disp=False, cov_type="cluster", cov_kwds={"groups": groups}
-        )
+        clustered = model.fit(disp=False, cov_type="cluster", cov_kwds={"groups": groups})
         errors.append(float(clustered.bse[0]))
     return float(fit.params[0]), max(errors)
 
@@ -249,3 +255,51 @@ def _visits_tell(pairs: SearchPairs) -> bool:
     """Return whether each order of the versions has both outcomes: else its effect is not finite."""
     outcomes = [np.unique(pairs.first[pairs.later == order]).size for order in (-1, 1)]
     return min(outcomes) == 2
+
+
+# --- shares of searches -------------------------------------------------------------------------------------
+
+
+def clustered_share(successes: Mask, people: Integers) -> Effect:
+    """Return a share with an interval by people, whose trials are alike (`clustered_interval`).
+
+    Parameters
+    ----------
+    successes : array (n,) of bool
+        Of each trial.
+    people : array (n,) of int
+        Whose it was.
+    """
+    n, count = successes.size, int(np.count_nonzero(successes))
+    if n == 0:
+        return Effect(None, flag="nothing was found")
+    groups = np.unique(people, return_inverse=True)[1]
+    if groups.max() == 0:
+        return Effect(count / n, flag=SearchFlag.ONE_PERSON_ONLY.value)
+    chosen = np.bincount(groups[successes], minlength=groups.max() + 1)
+    return Effect(count / n, *clustered_interval(chosen, np.bincount(groups)))
+
+
+def found_over_time(own: SearchTable, limit: float) -> tuple[Array, Array]:
+    """Return times [s] and the shares found until then, with their pointwise 95 % band over people.
+
+    Up to the shortest limit every search is watched: nothing is censored, and one minus the Kaplan-Meier
+    curve is the share itself, whose band can respect that a person's searches are alike.
+
+    Parameters
+    ----------
+    own : SearchTable
+        Searches in one version, at least one.
+    limit : float
+        The shortest time limit of all searches [s].
+
+    Returns
+    -------
+    array (k,), array (3, k)
+        Times, and share, lower and upper end; the ends are nan for one person.
+    """
+    times = np.linspace(0.0, limit, STEPS + 1)
+    shares = [clustered_share(own.found & (own.times <= time), own.participant) for time in times]
+    bands = np.array([(share.value, share.ci_low, share.ci_high) for share in shares], dtype=np.float64).T
+    bands[1:, 0] *= 0.0  # at time 0 nothing can be found; nan stays
+    return times, bands

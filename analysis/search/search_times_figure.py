@@ -2,121 +2,80 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from itertools import groupby
+from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from evenlight.analysis.figure_style import (
-    BASELINE,
-    FAINT,
-    INK,
-    LOST,
-    MUTED,
-    OURS,
-    PAGE,
-    FigureFormat,
-    axes_at,
-    drawable,
-    heading_lines,
-    lines_at,
-    look,
-    new_figure,
-    text_size,
-)
-from evenlight.analysis.search.search_locations import LocationCell, LocationResult
-from evenlight.data_schema.analysis_results import Origin, PlottedPoint
+from evenlight.analysis import figure_style as style
+from evenlight.analysis.figure_style import PAGE
+from evenlight.analysis.results import Drawing
+from evenlight.analysis.rows import Plot
+from evenlight.analysis.search import search_numbers as of
+from evenlight.analysis.search.search_numbers import Study
+from evenlight.analysis.search.search_trials import Location
+from evenlight.analysis.wording import spaced
+from evenlight.data_schema.analysis_results import Statistic
 
 ROW = 1.62  # height of a location [em]
 HEADING = 1.75  # of a sequence [em]
 LONGEST_NAME = 18
 NAME_WIDTH, COUNT_WIDTH, FACTOR_WIDTH = 11.5, 10.4, 9.2  # of the columns beside the axes [em]
-SECOND = 4.0  # from the column of ours to that of the baseline [em]
-OFFSET = 0.2  # of either version from the middle of its row [rows]
+# Of either version: colour, distance of its column from that of ours [em], and of its mark from the middle
+# of the row [rows].
+STYLE = {"ours": (style.OURS, 0.0, -0.2), "baseline": (style.BASELINE, 4.0, 0.2)}
+# Where the columns of undetected rings and of brightness factors begin, from the right end of the axes [em].
+COUNTS, FACTORS = 2.0, COUNT_WIDTH + 1.2
+UNDETECTED = ("location", "1", "searches without success", "1")
 
 
-def times_figure(
-    locations: Sequence[LocationResult], limit: float, simulated: bool, medium: FigureFormat = PAGE
-) -> Figure:
-    """Draw for each location how soon the ring was found in either version, and how often it was not.
-
-    Parameters
-    ----------
-    locations : sequence of LocationResult
-        In order, by sequence.
-    limit : float
-        The longest time limit [s].
-    simulated : bool
-        Whether simulated participants searched.
-    medium : FigureFormat
-        Where it is shown.
-    """
-    places = _row_places(locations)
-    with look(medium):
-        em = medium.em
+def times_figure(study: Study) -> Drawing:
+    """Draw for each location how soon the ring was found in either version, and how often it was not."""
+    places = _row_places(study.table.locations)
+    with style.look():
+        em = PAGE.em
         left = (NAME_WIDTH + 1.0) * em
-        width = medium.width - left - (COUNT_WIDTH + FACTOR_WIDTH + 1.5) * em
-        lines, above = heading_lines(*_heading(locations, simulated), medium.width - 2 * em, em)
+        width = PAGE.width - left - (COUNT_WIDTH + FACTOR_WIDTH + 1.5) * em
+        lines, above = style.heading_lines(*_heading(study), PAGE.width - 2 * em, em)
         top = above + 3.0 * em
         lowest, highest = places[-1] + 0.65, -HEADING / ROW - 0.1
         height = (lowest - highest) * ROW * em
-        figure = new_figure(medium, top + height + 5.6 * em)
-        lines_at(figure, em, lines)
-        axes = axes_at(figure, left, top, width, height)
+        figure = style.new_figure(top + height + 5.6 * em)
+        style.lines_at(figure, em, lines)
+        axes = style.axes_at(figure, left, top, width, height)
+        limit = float(study.table.limits.max())
         axes.set(xlim=(0, 1.04 * limit), ylim=(lowest, highest))
         _frame(axes, limit)
-        _draw_columns(axes, locations, places)
-        _draw_cells(axes, locations, places, limit)
+        plot = Plot(axes, "times", study.rows.origin, ("location", "1", "search time", "s"))
+        lost = Plot(axes, "undetected", study.rows.origin, UNDETECTED)
+        lost.points = plot.points  # one table, location by location
+        _draw_locations(plot, lost, study, places)
         _add_key(axes, -NAME_WIDTH * em / width, -3.6 * em / height)
-    return figure
+    caption = (
+        "Search times at each location in both versions: medians with 95 % confidence intervals, means "
+        "of the rings found, undetected rings, and brightness factors."
+    )
+    return Drawing("search_times", figure, caption, tuple(plot.points))
 
 
-def times_points(locations: Sequence[LocationResult], origin: Origin) -> tuple[PlottedPoint, ...]:
-    """Return every number that the figure draws."""
-    points = []
-    for result in locations:
-        for version, cell in (("ours", result.ours), ("baseline", result.baseline)):
-            if cell is not None:
-                points += _points_of(result.location.name, version, cell, origin)
-    return tuple(points)
-
-
-def _points_of(label: str, version: str, cell: LocationCell, origin: Origin) -> list[PlottedPoint]:
-    """Return the numbers of one version at one location."""
-    a = cell.averages
-    axes = ("location", "1", "search time", "s", origin)
-    return [
-        PlottedPoint("times", f"median, {version}", label, None, a.curve.median, *axes,
-                     low=a.curve.median_low, high=a.curve.median_high, n=a.n),
-        PlottedPoint("times", f"mean of found, {version}", label, None, a.mean_found, *axes,
-                     n=a.n - a.undetected),
-        PlottedPoint("undetected", version, label, None, float(a.undetected), "location", "1",
-                     "searches without success", "1", origin, n=a.n),
-    ]  # fmt: skip
-
-
-def _heading(locations: Sequence[LocationResult], simulated: bool) -> tuple[str, str]:
-    """Return title and subtitle."""
-    cells = [cell for result in locations for cell in (result.ours, result.baseline) if cell]
-    most = max(cell.averages.n for cell in cells)
-    fewest = min(cell.averages.n for cell in cells)
+def _heading(study: Study) -> tuple[str, str]:
+    searched = [row.n or 0 for row in study.rows.of("locations", of.LOST)]
+    fewest, most = min(searched), max(searched)
     each = f"{most}" if most == fewest else f"{fewest} to {most}"
-    who = f"{'Simulated: ' if simulated else ''}{each} participants search each location in each version. "
     return (
         "How long it takes to find the ring",
-        who
-        + "Within a sequence from the locations that ours brightens most to those that it dims most. Bars: "
-        "95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end within "
-        "the time limit.",
+        f"{'Simulated: ' if study.simulated else ''}{each} participants search each location in each "
+        "version. Within a sequence from the locations that ours brightens most to those that it dims most. "
+        "Bars: 95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end within the "
+        "time limit.",
     )
 
 
-def _row_places(locations: Sequence[LocationResult]) -> list[float]:
+def _row_places(locations: tuple[Location, ...]) -> list[float]:
     """Return where each row lies, with room for the name of a sequence above its first [rows]."""
     places: list[float] = []
     down = -1.0
-    for number, (_, own) in enumerate(groupby(locations, key=lambda r: r.location.sequence)):
+    for number, (_, own) in enumerate(groupby(locations, key=lambda place: place.sequence)):
         down += HEADING / ROW if number else 0.0
         for _ in own:
             down += 1.0
@@ -125,109 +84,102 @@ def _row_places(locations: Sequence[LocationResult]) -> list[float]:
 
 
 def _frame(axes: Axes, limit: float) -> None:
-    """Set the axis of time, and draw the limit."""
-    size = text_size()
+    size = style.text_size()
     axes.set_xlabel("search time [s]")
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
-    axes.grid(axis="x", color=FAINT, linewidth=size / 18)
-    axes.axvline(limit, color=MUTED, linewidth=size / 9, linestyle=(0, (3, 2)), zorder=1)
-    axes.annotate("time limit", (limit, 1.0), xycoords=("data", "axes fraction"), xytext=(0, 3), ha="center",
-                  textcoords="offset points", color=MUTED, fontsize=0.9 * size)  # fmt: skip
+    axes.grid(axis="x", color=style.FAINT, linewidth=size / 18)
+    axes.axvline(limit, color=style.MUTED, linewidth=size / 9, linestyle=(0, (3, 2)), zorder=1)
+    axes.annotate(
+        "time limit",
+        (limit, 1.0),
+        xycoords=("data", "axes fraction"),
+        xytext=(0, 3),
+        ha="center",
+        textcoords="offset points",
+        color=style.MUTED,
+        fontsize=0.9 * size,
+    )
+    for title, start in (("undetected / n", COUNTS), ("brightness factor", FACTORS)):
+        _write(axes, title, (1.0, -HEADING / ROW), (start, 1.9), color=style.INK)
+        for version, (colour, aside, _) in STYLE.items():
+            _write(axes, version, (1.0, -HEADING / ROW), (start + aside, 0.6), color=colour)
 
 
-def _draw_columns(axes: Axes, locations: Sequence[LocationResult], places: list[float]) -> None:
-    """Write names at the left; undetected rings and brightness factors at the right."""
-    size = text_size()
-    count, factor = 2.0 * size, (COUNT_WIDTH + 1.2) * size
-    top = -HEADING / ROW
-    for title, start in (("undetected / n", count), ("brightness factor", factor)):
-        _above(axes, top, (start, 1.9 * size), title, INK)
-        _above(axes, top, (start, 0.6 * size), "ours", OURS)
-        _above(axes, top, (start + SECOND * size, 0.6 * size), "baseline", BASELINE)
-    last = ""
-    for result, place in zip(locations, places, strict=True):
-        if result.location.sequence != last:
-            last = result.location.sequence
-            _write_sequence(axes, last, place)
-        name = result.location.keypoint.replace("_", " ")[:LONGEST_NAME]
-        _beside(axes, place, 0.0, -(NAME_WIDTH - 1.0) * size, name, INK)
-        for cell, value, across in (
-            (result.ours, result.location.ours, 0.0),
-            (result.baseline, result.location.baseline, SECOND * size),
-        ):  # fmt: skip
-            if cell is None:
-                _beside(axes, place, 1.0, count + across, "–", MUTED)
+def _write(
+    axes: Axes, words: str, place: tuple[float, float], aside: tuple[float, float], **text: Any
+) -> None:
+    """Write words beside a row, so far from the left or right end of the axes [em]."""
+    size = style.text_size()
+    axes.annotate(
+        style.drawable(words),
+        place,
+        xycoords=("axes fraction", "data"),
+        xytext=(aside[0] * size, aside[1] * size),
+        textcoords="offset points",
+        annotation_clip=False,
+        **text,
+    )
+
+
+def _draw_locations(plot: Plot, lost: Plot, study: Study, places: list[float]) -> None:
+    axes, size, last = plot.axes, style.text_size(), ""
+    for location, place in zip(study.table.locations, places, strict=True):
+        if location.sequence != last:
+            last = location.sequence
+            name, corner = spaced(last), (-NAME_WIDTH, 0.15)
+            _write(axes, name, (0.0, place - 0.5), corner, va="bottom", fontweight="bold")
+            axes.axhline(place - 0.5, color=style.FAINT, linewidth=size / 11, zorder=0.5)
+        name = spaced(location.keypoint)[:LONGEST_NAME]
+        _write(axes, name, (0.0, place), (1.0 - NAME_WIDTH, 0), va="center", color=style.INK)
+        found = {row.what: row for row in study.rows if row.group == location.name}
+        for version, (colour, aside, offset) in STYLE.items():
+            undetected = found.get(f"{of.LOST}, {version}")
+            lacking = style.LOST if undetected and undetected.value else style.MUTED
+            words = f"{undetected.value:.0f} / {undetected.n}" if undetected else "–"
+            _write(axes, words, (1.0, place), (COUNTS + aside, 0), va="center", color=lacking)
+            if undetected is None:
                 continue
-            lost = cell.averages.undetected
-            _beside(axes, place, 1.0, count + across, f"{lost} / {cell.averages.n}", LOST if lost else MUTED)
-            _beside(axes, place, 1.0, factor + across, "–" if value is None else f"{value:.2f}", INK)
+            factor = found[f"{of.FACTOR}, {version}"].value
+            words = "–" if factor is None else f"{factor:.2f}"
+            _write(axes, words, (1.0, place), (FACTORS + aside, 0), va="center", color=style.INK)
+            median = found[f"{of.MEDIAN}, {version}"]
+            ends = (median.ci_low, median.ci_high)
+            plot.note(f"median, {version}", None, median.value, location.name, median.n, ends)
+            _draw_median(axes, median, place + offset, colour, float(study.table.limits.max()))
+            mean = found[f"{of.MEAN}, {version}"]
+            plot.note(f"mean of found, {version}", None, mean.value, location.name, mean.n)
+            lost.note(version, None, undetected.value, location.name, undetected.n)
+            if mean.value is not None:
+                axes.plot(
+                    mean.value, place + offset, "|", color=style.INK, ms=0.62 * size, mew=size / 8, zorder=6
+                )
 
 
-def _above(axes: Axes, row: float, offset: tuple[float, float], words: str, colour: str) -> None:
-    """Write words at the right of a row, so many points from the end of the axes."""
-    axes.annotate(words, (1.0, row), xycoords=("axes fraction", "data"), xytext=offset,
-                  textcoords="offset points", color=colour, annotation_clip=False)  # fmt: skip
-
-
-def _write_sequence(axes: Axes, sequence: str, place: float) -> None:
-    """Write the name of a sequence above its first row, and a line."""
-    size = text_size()
-    name = drawable(sequence.replace("_", " "))
-    axes.annotate(name, (0.0, place - 0.5), xycoords=("axes fraction", "data"), va="bottom",
-                  xytext=(-NAME_WIDTH * size, 0.15 * size), textcoords="offset points", fontweight="bold",
-                  annotation_clip=False)  # fmt: skip
-    axes.axhline(place - 0.5, color=FAINT, linewidth=size / 11, zorder=0.5)
-
-
-def _beside(axes: Axes, place: float, fraction: float, across: float, words: str, colour: str) -> None:
-    """Write words beside a row, so many points from the left or right end of the axes."""
-    axes.annotate(drawable(words), (fraction, place), xycoords=("axes fraction", "data"), xytext=(across, 0),
-                  textcoords="offset points", va="center", color=colour, annotation_clip=False)  # fmt: skip
-
-
-def _draw_cells(axes: Axes, locations: Sequence[LocationResult], places: list[float], limit: float) -> None:
-    """Draw medians, intervals and means."""
-    for result, place in zip(locations, places, strict=True):
-        for cell, colour, offset in ((result.ours, OURS, -OFFSET), (result.baseline, BASELINE, OFFSET)):
-            if cell is not None:
-                _draw_cell(axes, cell, place + offset, colour, limit)
-
-
-def _draw_cell(axes: Axes, cell: LocationCell, place: float, colour: str, limit: float) -> None:
-    """Draw the median of a version with its interval, and the mean of the rings found."""
-    size = text_size()
-    curve = cell.averages.curve
-    low = curve.median_low
-    if low is not None:
-        high = limit if curve.median_high is None else curve.median_high
-        axes.plot(
-            [low, high], [place, place], color=colour, linewidth=size / 5, solid_capstyle="butt", zorder=3
-        )
-        if curve.median_high is None:
+def _draw_median(axes: Axes, median: Statistic, place: float, colour: str, limit: float) -> None:
+    """Draw a median with its interval; an arrow where that ends beyond the limit."""
+    size = style.text_size()
+    if median.ci_low is not None:
+        high = limit if median.ci_high is None else median.ci_high
+        bar: dict[str, Any] = {"linewidth": size / 5, "solid_capstyle": "butt", "zorder": 3}
+        axes.plot([median.ci_low, high], [place, place], color=colour, **bar)
+        if median.ci_high is None:
             axes.plot(limit, place, ">", color=colour, ms=0.55 * size, zorder=3, clip_on=False)
-    if curve.median is not None:
-        axes.plot(
-            curve.median, place, "o", color=colour, ms=0.62 * size, mec="white", mew=size / 14, zorder=5
-        )
-    if cell.averages.mean_found is not None:
-        axes.plot(cell.averages.mean_found, place, "|", color=INK, ms=0.62 * size, mew=size / 8, zorder=6)
+    if median.value is not None:
+        mark: dict[str, Any] = {"ms": 0.62 * size, "mec": "white", "mew": size / 14, "zorder": 5}
+        axes.plot(median.value, place, "o", color=colour, **mark)
 
 
 def _add_key(axes: Axes, across: float, down: float) -> None:
     """Write below the axes what the marks are, so far from their lower left corner [widths, heights]."""
-    size = text_size()
-    for colour, words in ((OURS, "ours: median, 95 %"), (BASELINE, "baseline: median, 95 %")):
-        axes.plot(
-            [], [], color=colour, linewidth=size / 5, marker="o", ms=0.62 * size, mec="white", label=words
-        )
-    axes.plot(
-        [],
-        [],
-        "|",
-        color=INK,
-        ms=0.62 * size,
-        mew=size / 8,
-        label="mean of the rings found (as in the paper)",
-    )
+    size = style.text_size()
+    for version, (colour, _, _) in STYLE.items():
+        mark: dict[str, Any] = {"linewidth": size / 5, "marker": "o", "ms": 0.62 * size, "mec": "white"}
+        axes.plot([], [], color=colour, label=f"{version}: median, 95 %", **mark)
+    mean: dict[str, Any] = {
+        "label": "mean of the rings found (as in the paper)",
+        "ms": 0.62 * size,
+        "mew": size / 8,
+    }
+    axes.plot([], [], "|", color=style.INK, **mean)
     axes.legend(loc="upper left", bbox_to_anchor=(across, down), ncols=3)

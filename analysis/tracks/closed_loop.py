@@ -6,27 +6,25 @@ from dataclasses import replace
 from pathlib import Path
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.calibration_sections import (
-    calibration_section,
-    population_section,
-)
-from evenlight.analysis.calibration.fit_report import write_calibration, write_figures
+from evenlight.analysis.calibration.fit_report import write_calibration, write_pictures
+from evenlight.analysis.calibration.ramp_findings import ramp_findings
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
 from evenlight.analysis.integrity.concern import cautious
-from evenlight.analysis.player.player_content import PLAYER
+from evenlight.analysis.player.player_page import PLAYER
 from evenlight.analysis.ramp_loading import load_ramp_data
-from evenlight.analysis.report import Report, write_report
-from evenlight.analysis.report_sections import (
-    contrast_map_section,
-    files_section,
-    introduction_section,
-    provenance_section,
-    track_section,
-)
-from evenlight.analysis.tracks.gain_words import gain_in_words
+from evenlight.analysis.report import Picture, Report, Section, Table, write_report
+from evenlight.analysis.report_prose import section
+from evenlight.analysis.report_sections import CLAIM, files_section, provenance_section
+from evenlight.analysis.results import Analysis
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_results import run_optimization
+from evenlight.analysis.tracks.track_words import (
+    detection_in_words,
+    first_words,
+    gain_sentences,
+    key_figures,
+    rate_in_words,
+)
 from evenlight.analysis.wording import sentence
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
@@ -35,6 +33,7 @@ from evenlight.method.choices import DEFAULT_CALM
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit, usable_limit
 from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.viewing_geometry import geometry_words
 
 CALIBRATION, TRACK, REPORT = "calibration", "track", "report.html"
 SEE_IT = (
@@ -42,6 +41,11 @@ SEE_IT = (
     "See it play: the video at full brightness, with the track, dimmed constantly.",
 )
 
+BUDGETS = {
+    BudgetUnit.FACTOR: "mean brightness factor",
+    BudgetUnit.POWER: "share of full power",
+    BudgetUnit.WATT: "W, mean power",
+}
 FILES = {
     "dataset/": "trials of every participant, as recorded",
     "dataset.sha256": "what a later demo knows this one's data set by; only such a data set is replaced",
@@ -60,46 +64,45 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
 
     Parameters
     ----------
-    dataset, source : Path, VideoSource
-        Ramp sessions, and the video.
-    budget, quiet : float, bool
-        Mean brightness factor, and whether to show no progress.
-    folder : Path
-        Where `calibration/`, `track/` and `report.html` go.
+    dataset, source, budget : Path, VideoSource, float
+        Ramp sessions; the video; its mean brightness factor.
+    folder, quiet : Path, bool
+        Where `calibration/`, `track/` and `report.html` go; whether to show no progress.
     """
     data = load_ramp_data(dataset)
     calibration = calibrate(data, RateLimitOptions())
     fitted = folder / CALIBRATION
     origin = provenance_now(inputs={"dataset": data.sha256})
     write_calibration(calibration, fitted, origin)
-    write_figures(calibration, fitted, load_rate_limit("surace2025"))
+    found = ramp_findings(calibration, load_rate_limit("surace2025"))
+    write_pictures(found, fitted)
     # The optimizer reads the file that the fit wrote, as it would on another day.
     # However few the participants: it is a demonstration, and its report says how well the limit is known.
     limit = usable_limit(load_rate_limit(fitted / "rate_limit.json"), data.display, accept_wide_band=True)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
     job = OptimizationJob(source, data.display, request, calm=DEFAULT_CALM, player=True, quiet=quiet)
     summary = run_optimization(job, folder / TRACK)
-    write_report(folder / REPORT, _report(calibration, summary, origin, folder))
+    write_report(folder / REPORT, _report(calibration, found, summary, origin, folder))
 
 
 def _report(
-    calibration: Calibration, summary: OptimizationSummary, origin: Provenance, folder: Path
+    calibration: Calibration, found: Analysis, summary: OptimizationSummary, origin: Provenance, folder: Path
 ) -> Report:
-    """Return the report on what lies in the folder."""
-    fitted, track, simulated = folder / CALIBRATION, folder / TRACK, calibration.data.simulated
+    track, simulated = folder / TRACK, calibration.data.simulated
+    curve, thresholds, _ = found.sections  # not every threshold
     return Report(
         "From ramps to a brightness track",
-        cautious(calibration.concerns, " ".join(f"{sentence(line)}." for line in gain_in_words(summary))),
+        cautious(calibration.concerns, first_words(summary)),
         (
-            introduction_section(),
-            calibration_section(calibration, (fitted / "psychometric.png").read_bytes()),
-            population_section(calibration.levels, simulated),
-            rate_limit_section(calibration, (fitted / "rate_limit.png").read_bytes()),
+            section("demo_introduction"),
             replace(track_section(summary, (track / "track.png").read_bytes(), simulated), links=(SEE_IT,)),
             contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),
+            thresholds,
+            curve,
             provenance_section(origins_of(calibration, origin, summary)),
             files_section(FILES),
         ),
+        key_figures=key_figures(summary),
     )
 
 
@@ -114,3 +117,69 @@ def origins_of(
     alike = all(origin.seed == made[0].seed for origin in made)
     dataset = made[0] if alike else replace(made[0], seed=None)
     return {"data set": dataset, "rate limit": fit, "track": summary.provenance}
+
+
+def track_section(summary: OptimizationSummary, track_png: bytes, simulated: bool = False) -> Section:
+    """Return what the optimizer made of a video; the picture is its `track_figure`."""
+    caption = (
+        "Brightness factor, visible contrast lost and rate of change over time, for the track (blue) and for "
+        "constant dimming at the same power (orange). The rate, above 0 where the modulation brightens, "
+        "must stay out of the red areas. Below: frames at the marked times, at full brightness and as they "
+        "are shown."
+    )
+    return section(
+        "track",
+        (_summary_table(summary),),
+        (Picture(track_png, caption),),
+        simulated=simulated,
+        summary=summary,
+        gained=" ".join(gain_sentences(summary)),
+        meaning=f"{sentence(rate_in_words(summary))}. {detection_in_words(summary)}",
+        claim=CLAIM,
+    )
+
+
+def _summary_table(summary: OptimizationSummary) -> Table:
+    s, procedure = summary, summary.rate_limit_procedure
+    asked = "" if procedure is None else f" ({procedure.value.replace('_', ' ')})"
+    seen = geometry_words(s.field_of_view, s.pixels_per_degree)
+    loss, difference = (
+        (s.mean_contrast_loss, s.mean_contrast_loss_baseline),
+        (s.objective, s.objective_baseline),
+    )
+    return Table(
+        f"{s.video} on {s.display}, seen {seen}, with the power model {s.power_model} and the rate limit "
+        f"{s.rate_limit}{asked}.",
+        ("quantity", "track", "constant dimming", "unit"),
+        (
+            ("budget asked", s.budget, s.budget, BUDGETS[s.budget_unit]),
+            ("budget used", s.achieved, s.budget, BUDGETS[s.budget_unit]),
+            ("mean brightness factor", s.mean_factor, s.baseline_factor, "1"),
+            ("mean power", s.mean_power, s.baseline_power, "W"),
+            ("power at full brightness", s.full_power, s.full_power, "W"),
+            ("visible contrast lost", *map(_percent, loss), "%"),
+            ("difference of loss between two frames", *map(_percent, difference), "points"),
+            ("best possible difference", 100 * s.lower_bound, None, "points"),
+            ("fastest change, of the rate limit", _percent(s.max_rate_ratio), 0.0, "%"),
+            ("at the rate limit, of the time", _percent(s.share_at_limit), 0.0, "%"),
+            ("near it (above 90 % of it), of the time", _percent(s.share_near_limit), 0.0, "%"),
+            ("reversals of the brightness", s.reversals_per_s, 0.0, "1/s"),
+            ("detectability of its changes, d′", s.detectability, 0.0, "1"),
+            ("length", s.duration, s.duration, "s"),
+            ("frames", s.frames, s.frames, "1"),
+            ("time for loss curves", s.curves_s, None, "s"),
+            (f"time for the solver ({s.solver}, {s.iterations} iterations)", s.solve_s, None, "s"),
+        ),
+    )
+
+
+def _percent(share: float | None) -> float | None:
+    return None if share is None else 100 * share
+
+
+def contrast_map_section(contrast_map_png: bytes, simulated: bool = False) -> Section:
+    """Return where contrast is lost in one frame; the picture is its `contrast_map_figure`."""
+    caption = (
+        "A frame, and its visible and lost contrast under the track's factor and under constant dimming."
+    )
+    return section("contrast_map", (), (Picture(contrast_map_png, caption),), simulated=simulated)

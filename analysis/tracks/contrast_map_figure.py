@@ -12,24 +12,14 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
+from PIL import Image
 
-from evenlight.analysis.figure_style import (
-    BASELINE,
-    LOST,
-    MUTED,
-    OURS,
-    PAGE,
-    FigureFormat,
-    axes_at,
-    heading_lines,
-    lines_at,
-    look,
-    new_figure,
-    text_size,
-)
+from evenlight.analysis import figure_style as style
+from evenlight.analysis.figure_style import PAGE
 from evenlight.analysis.tracks.frame_samples import small_picture, square_means
+from evenlight.analysis.tracks.track_words import lost
 from evenlight.data_schema.arrays import Mask
-from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, LossForm
+from evenlight.data_schema.contrast_model import ContrastModel, LossForm
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.contrast_loss import counted_map, loss_of
 from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
@@ -38,33 +28,19 @@ from evenlight.stimuli.video.frame_conversion import linear_light
 
 SHOWN_SHARE = 0.01  # of the pixels must be visible for a band to be worth showing
 WIDEST_MAP = 1280  # [pixels]; a panel of the figure has fewer
+KEPT, GONE = "#B4BAC2", "#D0001A"  # on white: red lines a pixel wide are seen, in print too
 
 
 @dataclass(frozen=True, slots=True)
 class ContrastMap:
-    """Where a frame's contrast is visible in one band, at full brightness and dimmed.
+    """Where a frame's contrast is visible in one band, at full brightness and dimmed."""
 
-    Attributes
-    ----------
-    factor, frequency : float
-        Brightness factor b, and spatial frequency of the band [cpd].
-    reference, dimmed : array of bool, (height, width)
-        Where contrast is visible at full brightness, and dimmed by b.
-    loss : float
-        𝓛_c of the frame, over all bands.
-    averaged : bool
-        Whether finer detail than the frequency was left out.
-    label : str
-        What a figure calls it; empty for the usual name of its panel.
-    """
-
-    factor: float
-    frequency: float
-    reference: Mask
-    dimmed: Mask
-    loss: float
-    averaged: bool = False
-    label: str = ""
+    factor: float  # b
+    frequency: float  # of the band [cpd]
+    reference: Mask  # where contrast is visible at full brightness, (height, width)
+    dimmed: Mask  # and where it is when dimmed by b
+    loss: float  # 𝓛_c of the frame, over all bands
+    averaged: bool = False  # whether finer detail than the frequency was left out
 
     @property
     def lost(self) -> Mask:
@@ -78,32 +54,11 @@ class ContrastMap:
         return float(self.lost.sum()) / visible if visible else 0.0
 
 
-def contrast_map(
-    pixel_values: NDArray[Any],
-    factor: float,
-    display: Display,
-    model: ContrastModel = DEFAULT_MODEL,
-    loss: float | None = None,
-) -> ContrastMap:
-    """Return where dimming by b loses visible contrast; as `contrast_maps`, at one factor.
-
-    Parameters
-    ----------
-    pixel_values, factor : array, (height, width, 3), float
-        The frame, as in `Frame`, and the brightness factor b.
-    display, model : Display, ContrastModel
-        The display, with its pixels per degree as in the analysis of the video; choices of the model.
-    loss : float, optional
-        𝓛_c of the frame where it is known, which says more of a wide frame than that of its averages.
-    """
-    return contrast_maps(pixel_values, [(factor, loss)], display, model)[0]
-
-
 def contrast_maps(
     pixel_values: NDArray[Any],
     at: Sequence[tuple[float, float | None]],
     display: Display,
-    model: ContrastModel = DEFAULT_MODEL,
+    model: ContrastModel,
     widest: int = WIDEST_MAP,
 ) -> tuple[ContrastMap, ...]:
     """Return where dimming loses visible contrast, in the finest band that has any worth showing.
@@ -116,7 +71,7 @@ def contrast_maps(
     pixel_values, at : array, (height, width, 3), sequence of (float, float or None)
         The frame, as in `Frame`; brightness factors b, each with 𝓛_c of the frame where it is known.
     display, model : Display, ContrastModel
-        As in `contrast_map`.
+        The display, with its pixels per degree as in the analysis of the video; choices of the model.
     widest : int
         Most pixels that can be shown side by side.
     """
@@ -146,7 +101,6 @@ def contrast_maps(
 
 
 def _mean_count(bands: Sequence[NDArray[Any]]) -> float:
-    """Return how much counts in a pixel, on average over pixels and bands."""
     return float(np.mean([band.mean() for band in bands]))
 
 
@@ -154,8 +108,8 @@ def contrast_map_figure(
     pixel_values: NDArray[Any],
     ours: ContrastMap,
     baseline: ContrastMap,
-    name: str = "",
-    medium: FigureFormat = PAGE,
+    name: str,
+    labels: tuple[str, str] = ("ours", "constant"),
 ) -> Figure:
     """Draw a frame, and which of its contrast is visible and which is lost under two brightness factors.
 
@@ -165,81 +119,67 @@ def contrast_map_figure(
         The frame, as in `Frame`, and what it is called, e.g. "bikes.mp4 at 4.2 s".
     ours, baseline : ContrastMap
         At the track's factor, and at that of constant dimming.
-    medium : FigureFormat
-        Where it is shown.
     """
-    with look(medium):
-        em, gap = medium.em, 1.2 * medium.em
+    with style.look():
+        em, gap = PAGE.em, 1.2 * PAGE.em
         rows, columns = ours.reference.shape
-        cell = (medium.width - 2 * em - 2 * gap) / 3
-        high = min(cell * rows / columns, 0.7 * medium.height)
+        cell = (PAGE.width - 2 * em - 2 * gap) / 3
+        high = min(cell * rows / columns, 0.7 * PAGE.height)
         wide = high * columns / rows
-        lines, above = heading_lines(*_heading(ours, name), medium.width - 2 * em, em)
-        key_columns = 3 if medium.width > 60 * em else 1
-        panel_top = above + 5.2 * em
-        figure = new_figure(medium, panel_top + high + (1.6 + 1.6 * 3 / key_columns) * em)
-        lines_at(figure, em, lines)
-        panels = [axes_at(figure, em + k * (cell + gap), panel_top, wide, high) for k in range(3)]
+        lines, above = style.heading_lines(*_heading(ours, name), PAGE.width - 2 * em, em)
+        top = above + 5.2 * em
+        figure = style.new_figure(top + high + 3.2 * em)
+        style.lines_at(figure, em, lines)
+        panels = [style.axes_at(figure, em + k * (cell + gap), top, wide, high) for k in range(3)]
         panels[0].imshow(small_picture(pixel_values, 640), aspect="auto")
-        _draw_map(panels[1], ours)
-        _draw_map(panels[2], baseline)
-        _name_panel(panels[0], "full brightness", ("the frame", ""), MUTED)
-        _name_panel(panels[1], f"{ours.label or 'ours'}, b = {ours.factor:.2f}", _loss_in_words(ours), OURS)
-        _name_panel(
-            panels[2],
-            f"{baseline.label or 'constant'}, b = {baseline.factor:.2f}",
-            _loss_in_words(baseline),
-            BASELINE,
-        )
-        _draw_key(figure, em, panel_top + high + 0.8 * em, key_columns)
+        _name_panel(panels[0], "full brightness", ("the frame", ""), style.MUTED)
+        for panel, at, label, colour in (
+            (panels[1], ours, labels[0], style.OURS),
+            (panels[2], baseline, labels[1], style.BASELINE),
+        ):
+            panel.imshow(map_picture(at, round(wide * PAGE.dots_per_inch)), aspect="auto")
+            losses = f"lost of these: {100 * at.lost_share:.1f} %", f"lost of all: {lost(at.loss)}"
+            _name_panel(panel, f"{label}, b = {at.factor:.2f}", losses, colour)
+        anchor = (em / PAGE.width, 1 - (top + high + 0.8 * em) / figure.get_figheight())
+        keys = [
+            Patch(facecolor=KEPT, label="visible, and stays visible"),
+            Patch(facecolor=GONE, label="visible at full brightness, lost by dimming"),
+            Patch(facecolor="white", edgecolor=style.MUTED, label="not visible"),
+        ]
+        figure.legend(handles=keys, loc="upper left", bbox_to_anchor=anchor, ncols=3)
     return figure
 
 
 def _heading(ours: ContrastMap, name: str) -> tuple[str, str]:
-    """Return title and subtitle."""
-    where = f" of {name}" if name else ""
+    title = f"Visible contrast of {name}"
     if not ours.reference.any():
-        return f"Visible contrast{where}", "Nothing in this frame is visible, even at full brightness."
+        return title, "Nothing in this frame is visible, even at full brightness."
     finest = "the finest that is drawn" if ours.averaged else "the finest with visible contrast"
-    return f"Visible contrast{where}", f"Details at {ours.frequency:.3g} cpd (cycles per degree), {finest}."
+    return title, f"Details at {ours.frequency:.3g} cpd (cycles per degree), {finest}."
 
 
-def _loss_in_words(at: ContrastMap) -> tuple[str, str]:
-    """Return how much is lost, in the band and over all bands."""
-    return f"lost here: {100 * at.lost_share:.1f} %", f"over all bands: {100 * at.loss:.1f} %"
+def map_picture(at: ContrastMap, widest: int = WIDEST_MAP) -> NDArray[np.float64]:
+    """Return the map in colours, (h, w, 3): visible contrast grey, lost contrast red, the rest white.
 
-
-def map_picture(at: ContrastMap) -> NDArray[np.float64]:
-    """Return the map in colours, (h, w, 3): visible contrast white, lost contrast red, the rest black."""
-    picture = np.zeros((*at.reference.shape, 3))
-    picture[at.reference & at.dimmed] = 1.0
-    picture[at.lost] = to_rgb(LOST)
+    Wider than can be shown, its pixels are averaged: then lines a pixel wide are drawn stronger than their
+    share of the area, so that they are seen, and lost contrast over that which stays.
+    """
+    rows, columns = at.reference.shape
+    width = min(widest, columns)
+    size = width, max(1, round(rows * width / columns))
+    picture = np.ones((*size[::-1], 3))
+    for mask, colour, stronger in ((at.reference & at.dimmed, KEPT, 1.5), (at.lost, GONE, 3.0)):
+        share = Image.fromarray(mask.astype(np.float32)).resize(size, Image.Resampling.BOX)
+        cover = np.minimum(stronger * np.asarray(share, dtype=np.float64), 1.0)[..., None]
+        picture = (1 - cover) * picture + cover * to_rgb(colour)
     return picture
 
 
-def _draw_map(axes: Axes, at: ContrastMap) -> None:
-    """Draw a map; smaller than its pixels, they are averaged."""
-    axes.imshow(map_picture(at), aspect="auto", interpolation="antialiased", interpolation_stage="rgba")
-
-
 def _name_panel(axes: Axes, name: str, words: tuple[str, ...], colour: str) -> None:
-    """Write a panel's name and more words above it."""
-    size = text_size()
-    axes.set_axis_off()
-    bold: dict[str, Any] = {"color": colour, "fontweight": "bold"}
-    lines: list[tuple[str, dict[str, Any]]] = [(name, bold), *((line, {}) for line in words)]
-    for up, (text, style) in enumerate(reversed(lines)):
-        axes.annotate(text, (0, 1), xytext=(0, (0.5 + 1.35 * up) * size), xycoords="axes fraction",
-                      textcoords="offset points", va="bottom", **style)  # fmt: skip
-
-
-def _draw_key(figure: Figure, left: float, top: float, columns: int) -> None:
-    """Write what the colours mean."""
-    handles = [
-        Patch(facecolor="white", edgecolor=MUTED, label="visible, and stays visible"),
-        Patch(facecolor=LOST, label="visible at full brightness, lost by dimming"),
-        Patch(facecolor="black", label="not visible"),
-    ]
-    full_width, full_height = figure.get_size_inches()
-    anchor = (left / full_width, 1 - top / full_height)
-    figure.legend(handles=handles, loc="upper left", bbox_to_anchor=anchor, ncols=columns)
+    size = style.text_size()
+    axes.set(xticks=[], yticks=[])
+    axes.spines[:].set(visible=True, color=style.FAINT)  # "not visible" is as white as the page
+    for up, text in enumerate(reversed((name, *words))):
+        bold: dict[str, Any] = {"color": colour, "fontweight": "bold"} if up == len(words) else {}
+        at = 0, (0.5 + 1.35 * up) * size
+        axes.annotate(text, (0, 1), at, "axes fraction", "offset points", va="bottom", **bold)

@@ -7,284 +7,208 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
-from evenlight.analysis.tracks.control_reports import (
-    Outcome,
-    PowerUse,
-    control_summary,
-    out_of_reach,
-    time_share,
-    tuning_report,
-)
+from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, track_header
+from evenlight.analysis.tracks.track_figure import DrawnTrack
+from evenlight.analysis.tracks.track_words import lost
+from evenlight.analysis.wording import percent
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit
-from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE, ControlSummary, TargetRow, TuningReport
+from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE, ControlSummary
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.choices import ModulatedLuminance
-from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.online import governor
 from evenlight.method.online.control_curves import (
     ControlledTrack,
-    VideoGovernor,
     VideoLookahead,
     control_ahead,
     control_curves,
 )
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.gain import gain_warning
-from evenlight.method.online.governor import (
-    GovernorSettings,
-    first_factor,
-    frame_costs,
-    governor_of,
-    horizon_warning,
-)
 from evenlight.method.online.lookahead import LookaheadSettings
-from evenlight.method.online.tuning import tune
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
 from evenlight.method.optimizer.optimize import Problem
-from evenlight.method.power import power_per_factor
+from evenlight.method.power import power, power_per_factor
 from evenlight.method.rate_limit import rate_limit_at, scalar_rate_limit
 from evenlight.stimuli.video.square_pixels import pixel_aspect
+
+MUCH_OUT_OF_REACH = 0.5  # of the time: beyond, a target says more of the bounds than of the video
 
 
 @dataclass(frozen=True, slots=True)
 class ControlJob:
-    """What is asked of the controller.
+    """What is asked of the controller."""
 
-    Attributes
-    ----------
-    work, settings : OptimizationJob, ControllerSettings
-        The video, the display, the rate limit and the power model; target, gains and bounds.
-    start_factor : float or None
-        b of the first frame; None: where it has the target loss.
-    budget : GovernorSettings or None
-        A budget for the target to follow.
-    target_is_given : bool
-        Whether the target was asked for; if not, the first one is what the first frame loses where it meets
-        the budget.
-    tuned : bool
-        Whether to choose the gains for this video; the search leaves a budget aside.
-    sweep : tuple of float
-        Targets to try, without a budget.
-    lookahead : LookaheadSettings or None
-        How much of what is to come is known; None: the PID controller.
-    """
-
-    work: OptimizationJob
-    settings: ControllerSettings
-    start_factor: float | None = None
-    budget: GovernorSettings | None = None
+    work: OptimizationJob  # the video, the display, the rate limit and the power model
+    settings: ControllerSettings  # target, gains and bounds
+    start_factor: float | None = None  # b of the first frame; None: where it has the target loss
+    budget: governor.GovernorSettings | None = None  # for the target to follow
+    # if not, the first one is what the first frame loses where it meets the budget
     target_is_given: bool = True
-    tuned: bool = False
-    sweep: tuple[float, ...] = ()
+    # how much of what is to come is known; None: the PID controller
     lookahead: LookaheadSettings | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class ControlResult:
-    """What came of it.
+    """What came of it."""
 
-    Attributes
-    ----------
-    settings : ControllerSettings
-        With the gains and the first target that were used.
-    display : Display
-        At the pixels per degree of the analysis.
-    run, track : ControlledTrack, BrightnessTrack
-        The controller's factors, and where it was held back; the same, as a track to be played.
-    summary, control : OptimizationSummary, ControlSummary
-        In the terms of the optimizer, and in those of the controller.
-    spread : SpreadRatio
-        How steady the loss is beside that of constant dimming.
-    baseline_loss : array, (N,)
-        Of constant dimming by the mean factor.
-    tuning, tuning_runs : TuningReport or None, (ControlledTrack, ControlledTrack) or None
-        If the gains were tuned; with the gains before and after that, at the first target: the search leaves
-        a budget aside.
-    warnings : tuple of str
-        What is wrong with the horizon of the budget, or with the target; that nothing is gained.
-    """
-
-    settings: ControllerSettings
-    display: Display
-    run: ControlledTrack
-    track: BrightnessTrack
-    summary: OptimizationSummary
+    track: DrawnTrack  # beside constant dimming by its mean factor
     control: ControlSummary
-    spread: SpreadRatio
-    baseline_loss: Array
-    tuning: TuningReport | None = None
-    tuning_runs: tuple[ControlledTrack, ControlledTrack] | None = None
-    warnings: tuple[str, ...] = ()
+    ratio: float | None  # how many times as much the loss varies as with constant dimming
+    # what is wrong with the horizon of the budget or the target; if nothing is gained
+    warnings: tuple[str, ...]
 
 
-class ControlledVideo:
-    """A video's loss curves, and the controller that runs over them.
+def control_video(
+    curves: LossCurves, asked: ControlJob, samples: FrameSamples, curves_s: float
+) -> ControlResult:
+    """Return what the controller does with a video whose loss curves took some time [s]."""
+    video = _ControlledVideo(curves, asked)
+    began = time.perf_counter()
+    run = video.run(asked.lookahead)
+    track, summary = video.evaluated(run, RunRecord(time.perf_counter() - began, curves_s, 0.0))
+    loss, spread = video.beside_constant(run)
+    control, warnings = video.control_summary(run, summary, spread), tuple(video.warnings(run, spread.ratio))
+    return ControlResult(DrawnTrack(track, summary, loss, samples.held), control, spread.ratio, warnings)
 
-    Parameters
-    ----------
-    curves, curves_s : LossCurves, float
-        Of the video, and the time that they took [s].
-    asked : ControlJob
-        What is asked.
-    """
 
-    def __init__(self, curves: LossCurves, asked: ControlJob, curves_s: float = 0.0) -> None:
-        self.curves, self.asked, self._curves_s = curves, asked, curves_s
+class _ControlledVideo:
+    """The loss curves of a video, and what the controller is to do over them."""
+
+    def __init__(self, curves: LossCurves, asked: ControlJob) -> None:
+        self.curves, self.asked, self.settings, self.start = curves, asked, asked.settings, asked.start_factor
         request, reflected = asked.work.request, curves.display.reflected_luminance
         self._limit = scalar_rate_limit(request.rate_limit, reflected, request.limit_curve)
         white = request.modulated is ModulatedLuminance.WHITE_FIELD
         self.luminance = (
             np.full(curves.n_frames, curves.display.peak_luminance) if white else curves.mean_luminance
         )
+        if asked.budget is not None:
+            self._require_power(asked.budget.budget_unit)
+            if not asked.target_is_given:
+                self._begin_with(asked.budget)
 
-    def controlled(self) -> ControlResult:
-        """Return what the controller does, with tuned gains if that is asked."""
-        self._require_power()
-        began = time.perf_counter()
-        settings, start = self._start()
-        given, tuned = settings, None
-        if self.asked.tuned:
-            tuned = tune(self.curves, self._controller(settings), start, self.luminance)
-            settings = tuned.settings
-        run = self._run(settings, start, ahead=self.asked.lookahead)
-        track, summary = self._evaluated(run, time.perf_counter() - began)
-        loss, spread = self._beside_constant(run)
-        outcome, tuning, runs = Outcome(run, summary, spread), None, None
-        if tuned is not None:
-            both = given, settings
-            runs = self._run(given, start, governs=False), self._run(settings, start, governs=False)
-            tuning = tuning_report(self.curves, both, tuned, runs, outcome)
-        return ControlResult(
-            settings=settings,
-            display=self.curves.display,
-            run=run,
-            track=track,
-            summary=summary,
-            control=control_summary(outcome, settings, self.asked.budget, self.asked.lookahead, self._use),
-            spread=spread,
-            baseline_loss=loss,
-            tuning=tuning,
-            tuning_runs=runs,
-            warnings=(*self._warnings(run, settings, spread), *self._lookahead_warnings(spread)),
-        )
-
-    def sweep(self, settings: ControllerSettings) -> list[TargetRow]:
-        """Return what comes of each target, with the gains of some settings."""
-        rows = []
-        for target in self.asked.sweep:
-            at_target = replace(settings, target_loss=target)
-            run = self._run(at_target, self.asked.start_factor, governs=False)
-            spread = self._beside_constant(run)[1]
-            rows.append(
-                TargetRow(
-                    target_loss=target,
-                    mean_factor=min(run.mean_factor, 1.0),
-                    mean_loss=float(run.time_share @ run.contrast_loss),
-                    sd_loss=spread.sd,
-                    sd_loss_constant=spread.sd_constant,
-                    share_limited=time_share(run, run.limited),
-                    mean_power=float(run.time_share @ self._use.watts(run.factors)),
-                )
-            )
-        return rows
-
-    @property
-    def _use(self) -> PowerUse:
-        """What the panel takes."""
-        return PowerUse(self.asked.work.request.power_model, self.curves.channel_means)
-
-    def _controller(self, settings: ControllerSettings) -> Controller:
-        return Controller(settings, self._limit)
-
-    def _start(self) -> tuple[ControllerSettings, float]:
-        """Return the settings with the first target, and the first factor."""
-        settings, start, curves = self.asked.settings, self.asked.start_factor, self.curves
-        first = np.full(curves.n_frames, settings.target_loss)
-        if not self.asked.target_is_given:
-            fair = self._first_factor(settings)
-            start = fair if start is None else start
-            first = loss_and_slope(curves, np.full(curves.n_frames, fair))[0]
-            settings = replace(settings, target_loss=float(first[0]))
-        if start is None:
-            start = float(factor_at_loss(curves, first)[0])
-            start = min(max(start, settings.lowest_factor), settings.highest_factor)
-        return settings, start
-
-    def _first_factor(self, settings: ControllerSettings) -> float:
-        """Return where the first frame meets the budget, with nothing known of those to come."""
-        assert self.asked.budget is not None
-        use = self._use
-        slope = float(power_per_factor(use.model, use.channel_means[:1])[0])
-        return first_factor(
-            self.asked.budget, use.model, slope, (settings.lowest_factor, settings.highest_factor)
-        )
-
-    def _warnings(
-        self, run: ControlledTrack, settings: ControllerSettings, spread: SpreadRatio
-    ) -> tuple[str, ...]:
-        """Return what is wrong with the horizon of the budget or a target that is to stay; no gain."""
-        budget, warning = self.asked.budget, None
-        if budget is None:
-            warning = out_of_reach(run, settings)
-        elif self.asked.lookahead is None:
-            warning = horizon_warning(budget, float(np.median(self.curves.durations)))
-        return tuple(words for words in (warning, gain_warning(spread.ratio)) if words is not None)
-
-    def _lookahead_warnings(self, spread: SpreadRatio) -> Iterator[str]:
-        """Say whether the lookahead holds no frame, and whether the PID controller is steadier."""
-        ahead, shortest = self.asked.lookahead, float(self.curves.durations.min())
-        if ahead is None:
-            return
-        if 0 < ahead.seconds < shortest:
-            yield f"a lookahead of {ahead.seconds:g} s is less than one frame, {shortest:.3g} s: as 0"
-        without = self._beside_constant(self._run(*self._start()))[1].ratio
-        if without is not None and spread.ratio is not None and without < spread.ratio:
-            yield (
-                f"without --lookahead the loss varies {without:.2f} times as much as with constant dimming "
-                f"by the mean factor, with it {spread.ratio:.2f} times"
+    def _require_power(self, unit: BudgetUnit) -> None:
+        if unit is not BudgetUnit.FACTOR and not self._watts(np.array(1.0)).any():
+            model = self.asked.work.request.power_model
+            raise InputError(
+                f"the video is black throughout, for which the panel {model.name!r} takes no power: there is "
+                "nothing to hold a budget with"
             )
 
-    def _beside_constant(self, run: ControlledTrack) -> tuple[Array, SpreadRatio]:
+    def _begin_with(self, budget: governor.GovernorSettings) -> None:
+        """Take what the first frame loses where it meets the budget as the first target."""
+        settings, curves, model = self.settings, self.curves, self.asked.work.request.power_model
+        slope = float(power_per_factor(model, curves.channel_means[:1])[0])
+        fair = governor.first_factor(budget, model, slope, (settings.lowest_factor, settings.highest_factor))
+        self.start = fair if self.start is None else self.start
+        target = float(loss_and_slope(curves, np.full(curves.n_frames, fair))[0][0])
+        self.settings = replace(settings, target_loss=target)
+
+    def _watts(self, factors: Array) -> Array:
+        return power(self.asked.work.request.power_model, factors, self.curves.channel_means)
+
+    def run(self, ahead: LookaheadSettings | None) -> ControlledTrack:
+        """Return what a controller makes of the video."""
+        controller, budget = Controller(self.settings, self._limit), self.asked.budget
+        model, given = self.asked.work.request.power_model, self.asked.target_is_given
+        costs = None if budget is None else governor.frame_costs(self.curves, budget, model)
+        if ahead is not None:
+            looking = VideoLookahead(ahead, costs, given)
+            return control_ahead(self.curves, controller, looking, self.start, self.luminance)
+        governed = None
+        if budget is not None and costs is not None:
+            governed = (governor.governor_of(controller, budget), costs)
+        return control_curves(self.curves, controller, self.start, self.luminance, governed)
+
+    def beside_constant(self, run: ControlledTrack) -> tuple[Array, SpreadRatio]:
         """Return the loss at a run's mean factor throughout, and how steady the run's is beside that."""
         constant = np.full(self.curves.n_frames, min(run.mean_factor, 1.0))
         loss = loss_and_slope(self.curves, constant)[0]
         return loss, spread_ratio(run.contrast_loss, loss, run.durations)
 
-    def _require_power(self) -> None:
-        """Raise `InputError` if a power budget is asked for and the video takes no power at any factor."""
-        unit = None if self.asked.budget is None else self.asked.budget.budget_unit
-        if unit in (BudgetUnit.POWER, BudgetUnit.WATT) and not self._use.watts(np.array(1.0)).any():
-            raise InputError(
-                f"the video is black throughout, for which the panel {self._use.model.name!r} takes no "
-                "power: there is nothing to hold a budget with"
+    def warnings(self, run: ControlledTrack, ratio: float | None) -> Iterator[str]:
+        """Say what is wrong with horizon or target; if nothing is gained, or the lookahead is of no use."""
+        budget, ahead, durations = self.asked.budget, self.asked.lookahead, self.curves.durations
+        warning = None
+        if budget is None:
+            warning = _out_of_reach(run, self.settings)
+        elif ahead is None:
+            warning = governor.horizon_warning(budget, float(np.median(durations)))
+        yield from (words for words in (warning, gain_warning(ratio)) if words is not None)
+        if ahead is None:
+            return
+        if 0 < ahead.seconds < (shortest := float(durations.min())):
+            yield f"a lookahead of {ahead.seconds:g} s is less than one frame, {shortest:.3g} s: as 0"
+        without = self.beside_constant(self.run(None))[1].ratio
+        if without is not None and ratio is not None and without < ratio:
+            yield (
+                f"without --lookahead the loss varies {without:.2f} times as much as with constant dimming "
+                f"by the mean factor, with it {ratio:.2f} times"
             )
 
-    def _run(
-        self,
-        settings: ControllerSettings,
-        start: float | None,
-        *,
-        governs: bool = True,
-        ahead: LookaheadSettings | None = None,
-    ) -> ControlledTrack:
-        """Return what a controller makes of the video; unless `governs`, without a budget."""
-        controller, budget = self._controller(settings), self.asked.budget if governs else None
-        costs = None if budget is None else frame_costs(self.curves, budget, self._use.model)
-        if ahead is not None:
-            looking = VideoLookahead(ahead, costs, self.asked.target_is_given)
-            return control_ahead(self.curves, controller, looking, start, self.luminance)
-        governed = (
-            None if budget is None or costs is None else VideoGovernor(governor_of(controller, budget), costs)
+    def control_summary(
+        self, run: ControlledTrack, summary: OptimizationSummary, spread: SpreadRatio
+    ) -> ControlSummary:
+        """Return the run in the terms of the controller."""
+        budget, ahead, gains = self.asked.budget, self.asked.lookahead, self.settings
+        found = ControlSummary(
+            video=summary.video,
+            target_loss=gains.target_loss,
+            final_target_loss=float(run.targets[-1]),
+            proportional=None if ahead else gains.proportional,
+            integral=None if ahead else gains.integral,
+            derivative=None if ahead else gains.derivative,
+            gain_rate=None if ahead else gains.gain_rate,
+            start_factor=float(run.factors[0]),
+            mean_loss=summary.mean_contrast_loss,
+            sd_loss=spread.sd,
+            sd_loss_constant=spread.sd_constant,
+            mean_factor=min(summary.mean_factor, 1.0),
+            mean_power=summary.mean_power,
+            share_limited=_time_share(run, run.limited),
+            provenance=summary.provenance,
+            lookahead=None if ahead is None else ahead.seconds,
         )
-        return control_curves(self.curves, controller, start, self.luminance, governed)
+        if budget is None:
+            return found
+        errors = self._horizon_errors(run, budget)
+        # The lookahead keeps the horizon that is asked for, however few frames it has.
+        steered = (
+            budget.horizon if ahead else governor.steered_horizon(budget, float(np.median(run.durations)))
+        )
+        return replace(
+            found,
+            budget=budget.budget,
+            budget_unit=budget.budget_unit,
+            horizon=budget.horizon,
+            horizon_error=None if errors is None else errors.either_way,
+            share_budget_held=_time_share(run, run.budget_held),
+            horizon_excess=None if errors is None else errors.above,
+            steered_horizon=steered,
+        )
 
-    def _evaluated(self, run: ControlledTrack, seconds: float) -> tuple[BrightnessTrack, OptimizationSummary]:
+    def _horizon_errors(
+        self, run: ControlledTrack, budget: governor.GovernorSettings
+    ) -> governor.HorizonErrors | None:
+        """Return how far the mean over a whole horizon is from the budget, in its unit, at most."""
+        one = np.ones_like(run.factors)
+        used = run.factors if budget.budget_unit is BudgetUnit.FACTOR else self._watts(run.factors)
+        of = self._watts(one) if budget.budget_unit is BudgetUnit.POWER else one
+        held = budget.budget, budget.horizon
+        return governor.horizon_errors(np.asarray(used), of, np.asarray(run.durations), held)
+
+    def evaluated(
+        self, run: ControlledTrack, effort: RunRecord
+    ) -> tuple[BrightnessTrack, OptimizationSummary]:
         """Return the track, and its summary beside constant dimming of equal mean factor."""
         curves, work, mean = self.curves, self.asked.work, min(run.mean_factor, 1.0)
         asked, reflected = work.request, curves.display.reflected_luminance
@@ -301,6 +225,20 @@ class ControlledVideo:
         header = replace(track_header(replace(work, request=asked), curves, [curves]), solver=solver)
         track = track_of(problem, asked, np.asarray(run.factors), header)
         answer = SolverAnswer(0.0, curves.n_frames, work.model_name)  # it looks at each frame once
-        shape = float(pixel_aspect(work.source))
-        effort = RunRecord(seconds, self._curves_s, 0.0, pixel_aspect=shape)
+        effort = replace(effort, pixel_aspect=float(pixel_aspect(work.source)))
         return track, summarize(problem, asked, answer, track, effort)
+
+
+def _out_of_reach(run: ControlledTrack, settings: ControllerSettings) -> str | None:
+    at_bound = np.asarray(run.factors) <= settings.lowest_factor
+    share = _time_share(run, at_bound & (np.asarray(run.contrast_loss) < settings.target_loss))
+    if share <= MUCH_OUT_OF_REACH:
+        return None
+    return (
+        f"the target of {lost(settings.target_loss)} is out of reach for {percent(share)} of the time: the "
+        f"video loses less even at the lowest factor, {settings.lowest_factor:g}"
+    )
+
+
+def _time_share(run: ControlledTrack, where: NDArray[np.bool_]) -> float:
+    return min(float(run.time_share @ where), 1.0)

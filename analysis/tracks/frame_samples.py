@@ -14,6 +14,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.method.contrast.luminance import unit_pixel_values
 
 MEMORY = 200_000_000  # bytes of frames held at most, but for the least count
+THUMBNAIL = 320  # [pixels] wide at least
 Image = NDArray[np.uint8]
 SCREEN_GAMMA = 2.2  # of the reader's screen: a picture dimmed by b has its pixel values scaled by b^(1/2.2)
 
@@ -50,17 +51,7 @@ class FrameSamples:
     def take(
         self, first: Frame, frames_at: Callable[[Sequence[int]], Iterable[Frame]], n_frames: int
     ) -> None:
-        """Hold the frames that would be held after watching all of a video, without watching it.
-
-        Parameters
-        ----------
-        first : Frame
-            The video's first frame.
-        frames_at : function of rising numbers
-            Gives the frames of these numbers.
-        n_frames : int
-            How many frames the video has.
-        """
+        """Hold the frames that would be held after watching all of a video, without watching it."""
         while -(-n_frames // self.stride) > self._limit(first):
             self.stride *= 2
         numbers = range(0, n_frames, self.stride)
@@ -68,21 +59,11 @@ class FrameSamples:
         self.held = [(number, frame.pixel_values.copy()) for number, frame in found]
 
     def _limit(self, frame: Frame) -> int:
-        """Return how many frames are held at most."""
         return max(self.least, min(self.most, MEMORY // max(frame.pixel_values.nbytes, 1)))
 
 
-def thumbnails_of(
-    samples: Sequence[tuple[int, NDArray[Any]]], count: int = 6, width: int = 320
-) -> tuple[tuple[int, Image], ...]:
-    """Return small pictures of some sampled frames, evenly spread.
-
-    Parameters
-    ----------
-    samples : sequence of (int, array (height, width, 3))
-        Indices and pixel values of frames, as `FrameSamples.held`.
-    count, width : int
-        How many pictures, and their least width [pixels].
+def thumbnails_of(samples: Sequence[tuple[int, NDArray[Any]]], count: int) -> tuple[tuple[int, Image], ...]:
+    """Return small pictures of some sampled frames (as `FrameSamples.held`), evenly spread.
 
     >>> frame = np.zeros((2, 2, 3), np.uint8)
     >>> [index for index, _ in thumbnails_of([(4 * k, frame) for k in range(12)], count=3)]
@@ -91,19 +72,11 @@ def thumbnails_of(
     n = len(samples)
     count = min(count, n)
     chosen = ((2 * k + 1) * n // (2 * count) for k in range(count))
-    return tuple((samples[k][0], small_picture(samples[k][1], width)) for k in chosen)
+    return tuple((samples[k][0], small_picture(samples[k][1], THUMBNAIL)) for k in chosen)
 
 
-def small_picture(pixel_values: NDArray[Any], width: int = 320) -> Image:
-    """Return a frame as a small picture: pixels averaged in squares, so that it is at least `width` wide.
-
-    Parameters
-    ----------
-    pixel_values : array, (height, width, 3)
-        As in `Frame`; a frame narrower than twice `width` keeps its size.
-    width : int
-        Its least width [pixels].
-    """
+def small_picture(pixel_values: NDArray[Any], width: int) -> Image:
+    """Return a frame as a small picture: pixels averaged in squares, so that it is at least `width` wide."""
     mean = square_means(pixel_values, max(1, pixel_values.shape[1] // width), unit_pixel_values)
     return np.asarray(np.round(255 * mean), dtype=np.uint8)
 
@@ -111,14 +84,9 @@ def small_picture(pixel_values: NDArray[Any], width: int = 320) -> Image:
 def square_means(
     pixel_values: NDArray[Any], across: int, values: Callable[[NDArray[Any]], NDArray[Any]]
 ) -> Array:
-    """Return the means of values of a frame over squares of its pixels, a row of squares at a time.
+    """Return the means of values of a frame over squares of so many pixels, a row of squares at a time.
 
-    Parameters
-    ----------
-    pixel_values, across : array (height, width, 3), int
-        As in `Frame`, and how many pixels wide and high a square is; a lower frame is one row of squares.
-    values : function of pixel values
-        Of which the means are taken.
+    A frame that is lower than a square is one row of them.
     """
     high, wide = pixel_values.shape[:2]
     down = min(across, high)

@@ -17,29 +17,15 @@ SAME = 1e-12  # a spread below this is rounding
 
 @dataclass(frozen=True, slots=True)
 class SpreadRatio:
-    """The standard deviations over time of two losses of one walk, and their ratio.
+    """The standard deviations over time of two losses of one walk, and their ratio."""
 
-    Attributes
-    ----------
-    sd, sd_constant : float
-        Of the first and of the second.
-    ratio : float or None
-        sd / sd_constant; None where the second never changes.
-    ci_low, ci_high : float or None
-        95 % confidence interval; None where the ratio is 0 or missing.
-    correlation_time : float
-        After which the second's autocorrelation is below 1/e [s].
-    flag : str
-        Why there is no ratio or no interval; empty where both are given.
-    """
-
-    sd: float
-    sd_constant: float
-    ratio: float | None
-    ci_low: float | None
-    ci_high: float | None
-    correlation_time: float
-    flag: str
+    sd: float  # of the first
+    sd_constant: float  # of the second
+    ratio: float | None = None  # sd / sd_constant; None where the second never changes
+    ci_low: float | None = None  # 95 % confidence interval; None where the ratio is 0 or missing
+    ci_high: float | None = None
+    correlation_time: float = 0.0  # after which the second's autocorrelation is below 1/e [s]
+    flag: str = ""  # why there is no ratio or no interval
 
 
 def spread_ratio(loss: Array, constant_loss: Array, durations: Array) -> SpreadRatio:
@@ -63,23 +49,23 @@ def spread_ratio(loss: Array, constant_loss: Array, durations: Array) -> SpreadR
     sd, sd_constant = (math.sqrt(float(share @ x**2)) for x in (own, other))
     if sd_constant <= SAME:
         flag = "the loss under constant dimming never changes: there is no ratio"
-        return SpreadRatio(sd, sd_constant, None, None, None, 0.0, flag)
+        return SpreadRatio(sd, sd_constant, flag=flag)
     correlation = _correlation_time(other, durations)
-    ratio = sd / sd_constant
+    ratio, duration = sd / sd_constant, float(durations.sum())
     if sd <= SAME:
         return SpreadRatio(0.0, sd_constant, 0.0, None, None, correlation, "no interval for a ratio of 0")
-    flag = _flag(float(durations.sum()), correlation)
-    if flag:
+    if duration < ENOUGH * correlation:
+        flag = (
+            f"no interval: {duration:.0f} s are only {duration / correlation:.0f} correlation times of the "
+            "content, too few to tell this walk from others"
+        )
         return SpreadRatio(sd, sd_constant, ratio, None, None, correlation, flag)
     influence = (own**2 / sd**2 - other**2 / sd_constant**2) / 2
     half = float(special.stdtrit(COSINES, 0.975)) * _long_run_error(influence, share)
-    return SpreadRatio(
-        sd, sd_constant, ratio, ratio * math.exp(-half), ratio * math.exp(half), correlation, ""
-    )
+    return SpreadRatio(sd, sd_constant, ratio, ratio * math.exp(-half), ratio * math.exp(half), correlation)
 
 
 def _long_run_error(influence: Array, share: Array) -> float:
-    """Return the standard error of a mean over time, from its products with the slowest cosines."""
     middle = np.cumsum(share) - share / 2
     orders = np.arange(1, COSINES + 1)[:, None]
     products = (math.sqrt(2) * np.cos(math.pi * orders * middle)) @ (share * influence)
@@ -93,13 +79,3 @@ def _correlation_time(deviation: Array, durations: Array) -> float:
     correlation = np.fft.irfft(power)[:n]
     below = np.flatnonzero(correlation < correlation[0] / math.e)
     return float(below[0] if len(below) else n) * float(np.mean(durations))
-
-
-def _flag(duration: float, correlation: float) -> str:
-    """Return a warning if the walk is short beside what it is to show."""
-    if duration >= ENOUGH * correlation:
-        return ""
-    return (
-        f"no interval: {duration:.0f} s are only {duration / correlation:.0f} correlation times of the "
-        "content, too few to tell this walk from others"
-    )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -18,6 +17,7 @@ from evenlight.analysis.tracks.optimization_job import (
     start_factors,
     track_header,
 )
+from evenlight.analysis.tracks.track_figure import DrawnTrack
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, TrackHeader
@@ -27,113 +27,61 @@ from evenlight.method.contrast.measures import measure_named
 from evenlight.method.contrast.pixel_floor import floor_in_samples
 from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.optimizer.calm import calmed
-from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
+from evenlight.method.optimizer.evaluate import (
+    RunRecord,
+    SolverAnswer,
+    limit_without_allowances,
+    summarize,
+    track_of,
+)
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, Solver, clip_of, joined_curves, joints, pose
 from evenlight.method.optimizer.optimize import optimize as optimize_problem
 from evenlight.method.optimizer.robust import Measures, optimize_robustly
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.progress import shown_progress
 from evenlight.stimuli.video.square_pixels import pixel_aspect
 
 
-class FrameWeighting(enum.Enum):
-    """How the frames of a track count in the objective."""
-
-    ALIKE = "all alike"
-    WEIGHTED = "some more than others"
-    LEFT_OUT = "not at all: only other clips count that share the budget"
-
-
-@dataclass(frozen=True, slots=True)
-class OptimizedClip:
-    """The track of one video.
-
-    Attributes
-    ----------
-    problem : Problem
-        What was solved: its loss curves, its rate limit, constant dimming of the same power.
-    track, summary : BrightnessTrack, OptimizationSummary
-        The brightness factor of each frame, and what the track does and achieves.
-    weighing, samples : FrameWeighting, FrameSamples
-        How its frames count in the objective, and some of them.
-    """
-
-    problem: Problem
-    track: BrightnessTrack
-    summary: OptimizationSummary
-    weighing: FrameWeighting
-    samples: FrameSamples
-
-
 @dataclass(frozen=True, slots=True)
 class Optimization:
-    """What came of a job.
-
-    Attributes
-    ----------
-    summary : OptimizationSummary
-        Of the whole budget.
-    clips : tuple of OptimizedClip
-        The video, and the clips that share the budget with it; of one video, its summary is the whole's.
-    """
+    """What came of a job: of its whole budget, and of the video and each clip that shares the budget."""
 
     summary: OptimizationSummary
-    clips: tuple[OptimizedClip, ...]
+    clips: tuple[tuple[LossCurves, DrawnTrack], ...]
 
 
 def optimize_video(job: OptimizationJob, watchers: Sequence[FrameWatcher] = ()) -> Optimization:
     """Analyse the videos of a job and find their brightness tracks.
 
-    Parameters
-    ----------
-    job : OptimizationJob
-        What is asked.
-    watchers : sequence of FrameWatcher
-        One for its video and for each clip that shares the budget, or none.
-
-    Raises
-    ------
-    InputError
-        If the job cannot be done, e.g. with loss curves of another video.
+    There is a watcher for its video and for each clip that shares the budget, or none. `InputError` if it
+    cannot be done, e.g. with loss curves of another video.
     """
     if isinstance(job.source, AnalysedVideo):
-        return optimize_curves(job, [job.source.curves], [FrameSamples()])
+        return _optimize_curves(job, [job.source.curves], [FrameSamples()])
     jobs = [job, *(replace(job, source=source, others=()) for source in job.others)]
     samples = [FrameSamples() for _ in jobs]
     began = time.perf_counter()
     seen_by: Sequence[FrameWatcher | None] = watchers or [None] * len(jobs)
     curves = [loss_curves_of(*each) for each in zip(jobs, samples, seen_by, strict=True)]
-    others = [_curves_by(name, job) for name in job.robust[1:]]
-    return optimize_curves(job, curves, samples, time.perf_counter() - began, others)
-
-
-def _curves_by(measure: str, job: OptimizationJob) -> LossCurves:
-    """Return the loss curves of a job's video by another measure."""
-    own = replace(job, model=measure_named(measure), model_name=measure, robust=())
-    return loss_curves_of(own, FrameSamples())
+    by_measure = [
+        loss_curves_of(replace(job, model=measure_named(name), model_name=name, robust=()), FrameSamples())
+        for name in job.robust[1:]
+    ]
+    return _optimize_curves(job, curves, samples, time.perf_counter() - began, by_measure)
 
 
 @one_blas_thread
-def optimize_curves(
+def _optimize_curves(
     job: OptimizationJob,
     curves: Sequence[LossCurves],
     samples: Sequence[FrameSamples],
     curves_s: float = 0.0,
     by_measure: Sequence[LossCurves] = (),
 ) -> Optimization:
-    """Find the brightness tracks of videos whose loss curves are known.
+    """Find the tracks of a job's video and of the clips that share its budget, of which curves are known.
 
-    Parameters
-    ----------
-    job : OptimizationJob
-        What is asked.
-    curves, samples : sequence of LossCurves, sequence of FrameSamples
-        Of its video, and of each clip that shares the budget.
-    curves_s : float
-        Time that the curves took [s].
-    by_measure : sequence of LossCurves
-        Of the video by each further measure of a robust job.
+    The curves took a time `curves_s` [s]; `by_measure` are those by each further measure of a robust job.
     """
     began = time.perf_counter()
     whole = joined_curves(curves) if job.others else curves[0]
@@ -145,15 +93,14 @@ def optimize_curves(
         if by_measure:
             measures = Measures((problem, *(pose(own, job.request) for own in by_measure)))
             factors, answer = _robust(job, measures, solver)
+            solved = time.perf_counter()
         else:
             solution = optimize_problem(problem, solver)
             factors = calmed(problem, solution.factors, job.calm)
-        solved = time.perf_counter()
-        if not by_measure:
+            solved = time.perf_counter()
             progress.step(f"lower bound of {whole.video}")
             bound = lower_bound(problem, solution)
-    if not by_measure:
-        answer = SolverAnswer(bound, solution.iterations, job.model_name, len(curves))
+            answer = SolverAnswer(bound, solution.iterations, job.model_name, len(curves))
     shape = float(pixel_aspect(job.source))
     effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm, shape)
     header = track_header(job, whole, curves)
@@ -162,25 +109,35 @@ def optimize_curves(
     track = track_of(problem, job.request, factors, header)
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
-        weighing = FrameWeighting.WEIGHTED if summary.weighted else FrameWeighting.ALIKE
-        return Optimization(summary, (OptimizedClip(problem, track, summary, weighing, samples[0]),))
+        return Optimization(summary, (_clip(problem, track, summary, samples[0]),))
     clips, first = [], 0
     # The bound of all clips does not say how much worse than the best a single one is.
     answer = replace(answer, lower_bound=0.0)
     for source, own, held in zip((job.source, *job.others), curves, samples, strict=True):
         own_factors = factors[first : first + own.n_frames]
-        part, weighing = _on_its_own(clip_of(problem, own, first), own_factors)
+        part, counts = _on_its_own(clip_of(problem, own, first), own_factors)
         first += own.n_frames
         header = track_header(replace(job, source=source), own, [own])
         track = track_of(part, job.request, own_factors, _with_floor(header, own, held, own_factors, job))
         own_effort = replace(effort, pixel_aspect=float(pixel_aspect(source)))
         alone = summarize(part, job.request, answer, track, own_effort)
-        clips.append(OptimizedClip(part, track, alone, weighing, held))
+        clips.append(_clip(part, track, alone, held, counts))
     return Optimization(summary, tuple(clips))
 
 
+def _clip(
+    problem: Problem,
+    track: BrightnessTrack,
+    summary: OptimizationSummary,
+    samples: FrameSamples,
+    counts: bool = True,
+) -> tuple[LossCurves, DrawnTrack]:
+    """Return the curves of a video, and its track beside constant dimming of the same power."""
+    constant, fitted = problem.loss(problem.baseline()), limit_without_allowances(problem, track.factors)
+    return problem.curves, DrawnTrack(track, summary, constant, samples.held, fitted, counts)
+
+
 def _robust(job: OptimizationJob, measures: Measures, solver: Solver) -> tuple[Array, SolverAnswer]:
-    """Return the factors that are best by the worst measure, calmed, and what is known of them."""
     found = optimize_robustly(measures, solver)
     factors = calmed(measures.problems[0], found.factors, job.calm, measures.worst)
     worst, each = found.outcome(job.robust, measures, factors)
@@ -189,11 +146,7 @@ def _robust(job: OptimizationJob, measures: Measures, solver: Solver) -> tuple[A
 
 
 def _with_floor(
-    header: TrackHeader,
-    curves: LossCurves,
-    samples: FrameSamples,
-    factors: Array,
-    job: OptimizationJob,
+    header: TrackHeader, curves: LossCurves, samples: FrameSamples, factors: Array, job: OptimizationJob
 ) -> TrackHeader:
     """Return the header of a track made for a backlight, with what pixels would add to the loss."""
     if curves.actuator is Actuator.PIXELS:
@@ -204,13 +157,13 @@ def _with_floor(
     return replace(header, loss_added_by_pixels=added)
 
 
-def _on_its_own(part: Problem, factors: Array) -> tuple[Problem, FrameWeighting]:
-    """Return a clip's part of a shared problem beside constant dimming of the clip's own power.
+def _on_its_own(part: Problem, factors: Array) -> tuple[Problem, bool]:
+    """Return a clip's part of a shared problem beside constant dimming of its own power, and if it counts.
 
     A clip of which no frame counts in the shared objective has an unweighted one of its own.
     """
     part = replace(part, baseline_factor=float(part.budget_weights @ factors))
     if part.importance is None or not np.ptp(part.importance) > 0:
         counts = part.importance is None or bool(part.importance.any())
-        return replace(part, importance=None), FrameWeighting.ALIKE if counts else FrameWeighting.LEFT_OUT
-    return part, FrameWeighting.WEIGHTED
+        return replace(part, importance=None), counts
+    return part, True

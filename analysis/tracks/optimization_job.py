@@ -22,7 +22,7 @@ from evenlight.data_schema.provenance import Provenance, provenance_now, sha256_
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import TrackHeader, read_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
-from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, SolverName
+from evenlight.method.choices import ONE_CORE, AnalysisEffort, SolverName
 from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.measures import MEASURES, measure_named
@@ -48,64 +48,32 @@ FrameWatcher = Callable[[Iterable[Frame]], Iterable[Frame]]  # sees the frames o
 class OptimizationJob:
     """What is asked of the optimizer: a video on a display, a budget, and how to go about it.
 
-    Attributes
-    ----------
-    source, display, request : VideoSource, Display, Request
-        The video, what it is shown on, and budget, power model and rate limit.
-    model, model_name : ContrastModel, str
-        Choices of the contrast model, and what they are called.
-    solver, seed : SolverName, int
-        Which solver, and the seed of its start, where it draws one.
-    min_factor : float
-        Lowest brightness factor allowed.
-    calm : float
-        Share of the gain to give up for a calmer track.
-    field_of_view : float or None
-        Degrees that the video's width spans; None: those it was rendered for, else it is pixel for pixel.
-    actuator : Actuator
-        What dims it.
-    curves : Path or None
-        Loss curves of an earlier run.
-    effort : AnalysisEffort
-        How much of the video is counted for its loss curves, and on how many cores.
-    others : tuple of VideoSource
-        Clips that share the budget with it.
-    weights, allowances : Path or None
-        Files of the sections that the request has.
-    start : Path or None
-        Track of an earlier result to start from, or its folder; of several clips, the folder of theirs.
-    cached : bool
-        Whether loss curves are looked for in the user's cache, and kept there; not with `watch`.
-    robust : tuple of str
-        Measures (`method.contrast.measures`) whose worst is minimized, the first of them `model`; or none.
-    player : bool
-        Whether a player page is written beside the track.
-    quiet, watch : bool, callable, optional
-        Whether to show no progress; sees each frame as it is analysed, and yields it.
+    Fields without a remark are as the options of these names of `evenlight optimize`.
     """
 
     source: VideoSource
     display: Display
-    request: Request
+    request: Request  # budget, power model and rate limit
     model: ContrastModel = DEFAULT_MODEL
     model_name: str = "default"
     solver: SolverName = SolverName.SPLITTING
     seed: int = 1
     min_factor: float = 0.2
     calm: float = 0.0
-    field_of_view: float | None = None
+    field_of_view: float | None = None  # None: that which the video was rendered for, else pixel for pixel
     actuator: Actuator = Actuator.BACKLIGHT
     curves: Path | None = None
-    effort: AnalysisEffort = FULL_ANALYSIS
-    others: tuple[VideoSource, ...] = ()
-    weights: Path | None = None
+    effort: AnalysisEffort = ONE_CORE
+    others: tuple[VideoSource, ...] = ()  # clips that share the budget
+    weights: Path | None = None  # files of the sections that the request has
     allowances: Path | None = None
-    start: Path | None = None
+    start: Path | None = None  # an earlier track or its folder; of several clips, the folder of theirs
+    # whether curves are looked for in the user's cache, and kept there; not with `watch`
     cached: bool = False
-    robust: tuple[str, ...] = ()
+    robust: tuple[str, ...] = ()  # measures (`method.contrast.measures`), the first `model`'s
     player: bool = False
     quiet: bool = False
-    watch: FrameWatcher = lambda frames: frames
+    watch: FrameWatcher = lambda frames: frames  # sees each frame as it is analysed
 
     @property
     def seen_at(self) -> float | None:
@@ -138,12 +106,7 @@ def loss_curves_of(
 ) -> LossCurves:
     """Return the loss curves of a job's video; some of its frames are kept in `samples`.
 
-    Parameters
-    ----------
-    job, samples : OptimizationJob, FrameSamples
-        What is asked, and what keeps frames.
-    watcher : FrameWatcher, optional
-        Sees the frames as the video has them, where all of them are analysed.
+    A watcher sees the frames as the video has them, where all of them are analysed.
 
     Raises
     ------
@@ -193,7 +156,7 @@ class _CurvesWork:
             _require_same_source(job, self.known, geometry)
             return
         knots = brightness_factors(job.min_factor)
-        self._analysis = VideoAnalysis(job.model, knots, job.actuator, provenance_of(job), job.effort)
+        self._analysis = VideoAnalysis(job.model, knots, job.actuator, _provenance(job), job.effort)
         if job.cached:
             self._cache = self._analysis.cache(job.source, first, geometry, partial(_say, job))
         if self._cache is not None:
@@ -213,37 +176,28 @@ class _CurvesWork:
 
 
 def _require_same_source(job: OptimizationJob, curves: LossCurves, geometry: ViewingGeometry) -> None:
-    """Raise `InputError` if loss curves are of another video or display than the ones asked for."""
-    if curves.provenance.inputs.get("video") != job.source.sha256():
-        raise InputError(f"the curves {job.curves}: made of another video than {job.source.name}")
-    if curves.factors[0] != brightness_factors(job.min_factor)[0]:
-        raise InputError(
-            f"the curves {job.curves}: made for factors from {curves.factors[0]:g}, "
-            f"asked is a lowest factor of {job.min_factor:g}"
-        )
-    if curves.provenance.inputs.get("contrast_model") != sha256_of_record(job.model):
-        raise InputError(f"the curves {job.curves}: made with another contrast model than the one asked for")
-    if curves.tolerance > job.effort.tolerance:
-        raise InputError(
-            f"the curves {job.curves}: made to a tolerance of {curves.tolerance:g}, "
-            f"asked is a tolerance of {job.effort.tolerance:g}"
-        )
-    if curves.actuator is not job.actuator:
-        raise InputError(
-            f"the curves {job.curves}: of a video dimmed by {curves.actuator.value}, asked is "
-            f"--actuator {job.actuator.value}"
-        )
+    inputs, lowest = curves.provenance.inputs, curves.factors[0]
     made, asked = curves.display, geometry.display
-    if (made.fingerprint, made.pixels_per_degree) != (asked.fingerprint, asked.pixels_per_degree):
+    why = ""
+    if inputs.get("video") != job.source.sha256():
+        why = f"made of another video than {job.source.name}"
+    elif lowest != brightness_factors(job.min_factor)[0]:
+        why = f"made for factors from {lowest:g}, asked is a lowest factor of {job.min_factor:g}"
+    elif inputs.get("contrast_model") != sha256_of_record(job.model):
+        why = "made with another contrast model than the one asked for"
+    elif curves.actuator is not job.actuator:
+        why = f"of a video dimmed by {curves.actuator.value}, asked is --actuator {job.actuator.value}"
+    elif (made.fingerprint, made.pixels_per_degree) != (asked.fingerprint, asked.pixels_per_degree):
         at = geometry_words(curves.field_of_view, made.pixels_per_degree)
-        raise InputError(
-            f"the curves {job.curves}: made for {made.name!r} {at}, asked is "
-            f"{asked.name!r} {geometry}; leave out --display and --field-of-view, or give the same again"
+        why = (
+            f"made for {made.name!r} {at}, asked is {asked.name!r} {geometry}; leave out --display and "
+            "--field-of-view, or give the same again"
         )
+    if why:
+        raise InputError(f"the curves {job.curves}: {why}")
 
 
 def _say_geometry(job: OptimizationJob, geometry: ViewingGeometry) -> None:
-    """Print how large a video is seen."""
     averaged = ""
     if geometry.shown_size != geometry.size:
         width, height = geometry.shown_size
@@ -252,7 +206,6 @@ def _say_geometry(job: OptimizationJob, geometry: ViewingGeometry) -> None:
 
 
 def _say(job: OptimizationJob, words: str) -> None:
-    """Print what is done to a video, unless the job is quiet."""
     if not job.quiet:
         Console(stderr=True).print(words, highlight=False, markup=False, soft_wrap=True)
 
@@ -269,7 +222,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         budget=request.budget,
         budget_unit=request.budget_unit,
         solver=job.solver.value,
-        provenance=provenance_of(job, clips),
+        provenance=_provenance(job, clips),
         rate_limit_procedure=request.rate_limit.procedure,
         pixels_per_degree=curves.display.pixels_per_degree,
         field_of_view=curves.field_of_view,
@@ -279,7 +232,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
     )
 
 
-def provenance_of(job: OptimizationJob, clips: Sequence[LossCurves] = ()) -> Provenance:
+def _provenance(job: OptimizationJob, clips: Sequence[LossCurves] = ()) -> Provenance:
     """Return where a job's results come from; the seed where the solver draws random numbers."""
     analysed = clips[0].provenance.inputs.get("video") if clips else None
     inputs = {"video": analysed or job.source.sha256(), "display": sha256_of_record(job.display)}
@@ -311,15 +264,7 @@ def clip_folder(number: int, video: str) -> str:
 def track_files(path: Path) -> tuple[Path, ...]:
     """Return the tables of an earlier result: of one video, or of clips that share a budget, in order.
 
-    Parameters
-    ----------
-    path : Path
-        A table, its folder, or the folder of the clips' folders.
-
-    Raises
-    ------
-    InputError
-        If a folder holds neither.
+    The path is a table, its folder, or the folder of the clips' folders; `InputError` if it holds neither.
     """
     if not path.is_dir():
         return (path,)
@@ -337,17 +282,7 @@ def track_files(path: Path) -> tuple[Path, ...]:
 def start_factors(path: Path, clips: Sequence[LossCurves]) -> Array:
     """Return the factors of earlier tracks at each frame's time, clip by clip, (N,).
 
-    Parameters
-    ----------
-    path : Path
-        As in `track_files`.
-    clips : sequence of LossCurves
-        Of each clip to be optimized.
-
-    Raises
-    ------
-    InputError
-        If there is not one track for each clip, or one cannot be used.
+    `InputError` if there is not one track for each clip, or one cannot be used.
     """
     files = track_files(path)
     if len(files) != len(clips):
@@ -357,10 +292,5 @@ def start_factors(path: Path, clips: Sequence[LossCurves]) -> Array:
             f"the start {path}: holds {held}, asked is an optimization of {asked}; "
             "give one with a track for each clip, in the same order"
         )
-    earlier = [read_track(file) for file in files]
-    return np.concatenate(
-        [
-            np.interp(clip.times, track.times, track.factors)
-            for clip, track in zip(clips, earlier, strict=True)
-        ]
-    )
+    pairs = zip(clips, map(read_track, files), strict=True)
+    return np.concatenate([np.interp(clip.times, track.times, track.factors) for clip, track in pairs])

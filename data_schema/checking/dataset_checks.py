@@ -12,8 +12,8 @@ from evenlight.data_schema.checking.session_checks import (
     check_session,
     check_sweep,
 )
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import record_from_mapping, shown
+from evenlight.data_schema.errors import InputError, shown
+from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.dataset_layout import (
     DESCRIPTION,
@@ -78,7 +78,6 @@ def check_dataset(dataset: Path) -> Iterator[CheckedFile]:
 
 
 def _check_roll(dataset: Path, roll: RollCall) -> Iterator[CheckedFile]:
-    """Yield the sessions that no reader takes until they are put right, or that are not known here."""
     for entry in roll.sessions:
         folder = dataset / entry.folder
         if entry.use is SessionUse.WRONG:
@@ -90,7 +89,6 @@ def _check_roll(dataset: Path, roll: RollCall) -> Iterator[CheckedFile]:
 
 
 def _check_displays(dataset: Path, roll: RollCall) -> Iterator[CheckedFile]:
-    """Yield whether ramps on several displays, or calibrations of one, can be fitted together."""
     sessions = ramp_sessions(dataset, roll)
     if why := why_apart(sessions):
         yield CheckedFile.blamed(dataset, "displays of ramp sessions", why)
@@ -99,7 +97,6 @@ def _check_displays(dataset: Path, roll: RollCall) -> Iterator[CheckedFile]:
 
 
 def _check_description(dataset: Path) -> CheckedFile:
-    """Return the description of a data set, as BIDS asks for it, or Psych-DS of an export."""
     path = dataset / DESCRIPTION
     checked = CheckedFile(path, "description of a data set")
     try:
@@ -117,7 +114,6 @@ def _check_description(dataset: Path) -> CheckedFile:
 
 
 def _check_participants(dataset: Path, simulated: dict[str, bool]) -> CheckedFile:
-    """Return the list of participants, compared with the folders and their manifests."""
     path = dataset / PARTICIPANTS
     checked = CheckedFile(path, "list of participants")
     try:

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.checking.file_checks import CheckedFile, check_file
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import keys_of, record_from_mapping, shown, type_hints
+from evenlight.data_schema.errors import InputError, shown
+from evenlight.data_schema.mapping import keys_of, record_from_mapping, type_hints
 from evenlight.data_schema.record_kinds import KIND_OF, READINGS_OF_SWEEP, RecordKind, kind_of
 from evenlight.data_schema.recordings.dataset_layout import (
     FRAMES,
@@ -56,7 +56,6 @@ def check_session(dataset: Path, folder: Path) -> Iterator[CheckedFile]:
 
 
 def _compare_with_folders(checked: CheckedFile, manifest: SessionManifest, folder: Path) -> None:
-    """Note where a manifest names another participant or session than its folders."""
     for key, got, right in (
         ("participant_id", manifest.participant_id, folder.parent.name.removeprefix("sub-")),
         ("session_id", manifest.session_id, folder.name.removeprefix("ses-")),
@@ -66,7 +65,6 @@ def _compare_with_folders(checked: CheckedFile, manifest: SessionManifest, folde
 
 
 def _check_trials(folder: Path, manifest: SessionManifest | None) -> CheckedFile:
-    """Return the trials of a session with their problems; unchecked those of a task without a record."""
     known = TASKS.get(manifest.task) if manifest else None
     kind = kind_of(known.trial) if known else None
     if kind is None:
@@ -111,7 +109,6 @@ def _check_frames(path: Path, trials: CheckedFile, kind: RecordKind | None) -> C
 
 
 def _find_repeated(checked: CheckedFile, key: str) -> None:
-    """Note numbers of trials or readings that are there twice."""
     first: dict[int, int] = {}
     for line, record in checked.records:
         index = getattr(record, key)
@@ -121,7 +118,6 @@ def _find_repeated(checked: CheckedFile, key: str) -> None:
 
 
 def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> None:
-    """Note trials that are not of their session, and how many there are."""
     for line, trial in checked.records:
         for key in ("participant_id", "session_id", "simulated"):
             got, right = getattr(trial, key), getattr(manifest, key)
@@ -152,7 +148,6 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
 
 
 def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest: SessionManifest) -> None:
-    """Note where a trial of a viewing experiment is not of the sequences that the manifest has."""
     sequence, stimuli = getattr(trial, "sequence", None), {each.name: each for each in manifest.stimuli}
     known = tuple(stimuli) or getattr(manifest.design, "sequences", ())  # neither, if it was imported
     if sequence is None or not known:
@@ -177,13 +172,11 @@ def _compare_with_stimuli(checked: CheckedFile, line: int, trial: Any, manifest:
 
 
 def _brightest_of(trial: Any) -> float:
-    """Return the highest luminance that a trial names, 0 if it names none [cd/m^2]."""
     names = ("initial_luminance", "final_luminance", "background_luminance")
     return max(float(getattr(trial, name, None) or 0.0) for name in names)
 
 
 def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile) -> Iterator[CheckedFile]:
-    """Yield the exported table of a session and the description of its columns."""
     path = behaviour_file(dataset, manifest.participant_id, manifest.session_id, manifest.task)
     known = TASKS.get(manifest.task)
     if known is None:
@@ -203,7 +196,6 @@ def _check_export(dataset: Path, manifest: SessionManifest, trials: CheckedFile)
 
 
 def _check_exported_rows(path: Path, cls: type[Any], trials: CheckedFile) -> CheckedFile:
-    """Return the exported table, compared with the trials that it was made from."""
     checked = _check_table(path, cls)
     if checked.problems or trials.problems:
         return checked
@@ -222,7 +214,6 @@ def _told(value: Any) -> Any:
 
 
 def _check_table(path: Path, cls: type[Any]) -> CheckedFile:
-    """Return a table of records with tabs between its cells, as BIDS has them."""
     checked = CheckedFile(path, "exported trials")
     columns, names, kinds = columns_of(cls), list(keys_of(cls)[0].values()), type_hints(cls)
     whose = columns.index("participant_id")
@@ -234,7 +225,7 @@ def _check_table(path: Path, cls: type[Any]) -> CheckedFile:
             cells[whose] = cells[whose].removeprefix("sub-")  # as exports name a participant
             try:
                 row = {
-                    key: plain_cell(kinds[name], cell, f"{where}: {key}")
+                    key: plain_cell(kinds[name], cell)
                     for key, name, cell in zip(columns, names, cells, strict=True)
                     if key not in optional or not _is_default(kinds[name], cell)
                 }
@@ -288,7 +279,6 @@ def check_sweep(folder: Path) -> Iterator[CheckedFile]:
 
 
 def _check_readings(path: Path, manifest: SweepManifest) -> CheckedFile:
-    """Return the readings of a sweep, compared with its manifest."""
     kind = READINGS_OF_SWEEP[manifest.task]
     if not path.is_file():
         checked = CheckedFile(path, kind.words)

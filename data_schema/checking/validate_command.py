@@ -43,7 +43,6 @@ def validate(
 
 
 def _show(checked: CheckedFile, quiet: bool) -> None:
-    """Show what was found in one file."""
     _show_some(
         [f"problem      {problem}" for problem in checked.problems],
         f"problem      {checked.path}: and {{}} problems more",
@@ -57,7 +56,6 @@ def _show(checked: CheckedFile, quiet: bool) -> None:
 
 
 def _show_some(lines: list[str], rest: str) -> None:
-    """Show lines, and how many there would be more."""
     for line in lines[:MOST_SHOWN]:
         typer.echo(line)
     if len(lines) > MOST_SHOWN:
@@ -65,5 +63,4 @@ def _show_some(lines: list[str], rest: str) -> None:
 
 
 def _count(number: int, thing: str) -> str:
-    """Return how many things there are, in words."""
     return f"{number} {thing}{'' if number == 1 else 's'}"

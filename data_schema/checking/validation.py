@@ -57,7 +57,6 @@ def validate(path: Path) -> Iterator[CheckedFile]:
 
 
 def _check_folder(folder: Path) -> Iterator[CheckedFile]:
-    """Yield the files of a folder and of those in it."""
     if is_dataset(folder):
         yield from _check_dataset_folder(folder)
         return
@@ -70,7 +69,6 @@ def _check_folder(folder: Path) -> Iterator[CheckedFile]:
 
 
 def _check_dataset_folder(dataset: Path) -> Iterator[CheckedFile]:
-    """Yield the files of a data set, and then whatever else lies in its folders."""
     done = set()
     for checked in check_dataset(dataset):
         done.add(checked.path)
@@ -93,7 +91,6 @@ def _members(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def _check_member(path: Path) -> CheckedFile:
-    """Return a file of a folder, checked if it is a record."""
     try:
         kind = _kind_of(path)
     except InputError:
@@ -102,7 +99,6 @@ def _check_member(path: Path) -> CheckedFile:
 
 
 def _kind_of(path: Path) -> RecordKind | None:
-    """Return the kind of record that a file holds, by its name or by its keys; None if it is none."""
     named = kinds_by_name(path)
     if len(named) == 1:
         return named[0]
@@ -117,7 +113,6 @@ def _kind_of(path: Path) -> RecordKind | None:
 
 
 def _keys_in(path: Path, file_format: FileFormat) -> set[str]:
-    """Return the outermost keys, or the columns, of a text file."""
     if file_format is FileFormat.TOML:
         return set(read_toml(path, KNOWN))
     text = read_text(path, KNOWN)
@@ -190,7 +185,6 @@ def compare_results(files: list[CheckedFile]) -> None:
 
 
 def _compare_header(checked: CheckedFile, track: BrightnessTrack, path: Path) -> None:
-    """Note where a summary names another video, display, budget or solver than the track's header."""
     summary: OptimizationSummary = checked.records[0][1]
     header, name = track.header, path.with_suffix(".json").name
     pairs = (
@@ -272,7 +266,6 @@ def mean_absolute_difference(values: Array) -> float:
 
 
 def _compare_curves(checked: CheckedFile, track: BrightnessTrack) -> None:
-    """Note loss curves of another video or display than the track's."""
     curves: LossCurves = checked.records[0][1]
     for key, got, other in (
         ("video", curves.video, track.header.video),

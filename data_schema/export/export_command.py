@@ -25,8 +25,7 @@ def export(
     quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing line.")] = False,
 ) -> None:
     """Check a data set, and write it in a standard layout (Psych-DS, BIDS) to share it."""
-    from evenlight.data_schema.export.bids import export_bids
-    from evenlight.data_schema.export.psych_ds import export_psych_ds
+    from evenlight.data_schema.export.exporting import export_bids, export_psych_ds
 
     tables = (export_psych_ds if to is DatasetStandard.PSYCH_DS else export_bids)(dataset, out)
     if not quiet:

@@ -82,7 +82,6 @@ def _write(
     sources: dict[tuple[str, str], ImportSource],
     sessions: dict[tuple[str, str], list[Any]],
 ) -> None:
-    """Write the sessions."""
     files = {source.file: source.sha256 for source in sources.values()}
     provenance = provenance_now(inputs=files)
     people = list(dict.fromkeys(participant for participant, _ in sessions))
@@ -118,7 +117,6 @@ def _write(
 
 
 def _simulated(table: SourceTable, taken: ImportMapping) -> bool:
-    """Return whether all rows say that they are simulated; refuse those of which only some do."""
     column = next((name for name in table.columns if name.lower() == "simulated"), None)
     rows = wanted_rows(table, taken) if column else []
     said = [(line, table.cell(cells, column or "").lower()) for line, cells in rows]
@@ -132,7 +130,6 @@ def _simulated(table: SourceTable, taken: ImportMapping) -> bool:
 
 
 def _source(path: Path, name: str, table: SourceTable, taken: ImportMapping) -> ImportSource:
-    """Return where sessions come from, for their manifests."""
     values: dict[str, str] = {}
     for ours, meanings in taken.values.items():
         for theirs, value in meanings.items():
@@ -162,7 +159,6 @@ def _taken(source: ImportSource, record: type[Any]) -> Iterator[str]:
 
 
 def _unknown(request: ImportRequest, trials: list[Any]) -> str:
-    """Return what stays unknown."""
     names = [] if request.display else ["display"]
     names += ["design"]
     for field in dataclasses.fields(TASKS[request.task].trial):

@@ -155,7 +155,6 @@ def import_mapping(
 
 
 def _file_options(path: Path) -> Iterable[tuple[str, str, str]]:
-    """Yield what a mapping file says as options: where, name of the option, its text."""
     content = read_toml(path, f"a mapping with the tables {', '.join(TABLES)}")
     for table, entries in content.items():
         if table not in TABLES or not isinstance(entries, dict):
@@ -172,7 +171,6 @@ def _file_options(path: Path) -> Iterable[tuple[str, str, str]]:
 
 
 def _require_unit(own: _Field, unit: str, where: str) -> None:
-    """Refuse a unit in which a quantity cannot be."""
     known = UNITS.get(own.metadata.get("unit", ""), {})
     if unit not in known:
         right = f"one of {', '.join(known)}" if known else "none: it has no unit"

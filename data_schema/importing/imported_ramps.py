@@ -70,7 +70,6 @@ def complete_ramps(
 
 
 def _complete(values: dict[str, Any], where: str, display: Display, relative_rate: bool) -> None:
-    """Fill in the luminance before a ramp, its rate and direction, and what was asked."""
     values["screen"] = screen = values["screen"] or "white"
     start, end, factor = values["initial_luminance"], values["final_luminance"], values["factor"]
     expected = None  # it is known of white only
@@ -101,7 +100,6 @@ def _complete(values: dict[str, Any], where: str, display: Display, relative_rat
 def _complete_rate(
     values: dict[str, Any], start: float, end: float | None, where: str, relative: bool
 ) -> None:
-    """Fill in rate and direction, or refuse a rate that luminances contradict."""
     rate = values["rate"] * start if relative and values["rate"] is not None else values["rate"]
     if values["is_catch"]:
         if rate:

@@ -94,8 +94,10 @@ def imported_trials(
     unanswered = [line for (line, _), there in zip(cells, answered, strict=True) if not there]
     if unanswered:
         numbers = [line.beside(cells[0][0]) for line in dict.fromkeys(unanswered)]
-        places = f"{table.counted}s {first_few(numbers)}"
-        told.append(f"without an answer, and no trials: {len(unanswered)}, in {places}")
+        rows = f"{len(unanswered)} row{'s' * (len(unanswered) > 1)}"
+        places = f"{table.counted}{'s' * (len(numbers) > 1)} {first_few(numbers)}"
+        lacking = "a rating" if task == "rating" else "an answer"
+        told.append(f"skipped {rows} without {lacking} ({places})")
     keys = {field.name: file_key(field) for field in dataclasses.fields(record)}
     trials = []
     for line, values in own_rows.rows:
@@ -143,7 +145,6 @@ def first_few(names: list[str]) -> str:
 
 
 def _require_columns(table: SourceTable, taken: ImportMapping, task: str) -> None:
-    """Refuse a table without a column that its task needs."""
     record, follows = TASKS[task].trial, FOLLOWS.get(task, ())
     free = {"session_id", "trial_index", "simulated", "repetition", *follows, *nullable_fields(record)}
     must = [(f.name,) for f in dataclasses.fields(record) if f.default is dataclasses.MISSING]
@@ -158,7 +159,6 @@ def _require_columns(table: SourceTable, taken: ImportMapping, task: str) -> Non
 
 
 def _require_unit_of(table: SourceTable, record: type[Any], names: tuple[str, ...]) -> None:
-    """Refuse a column that is there, and whose unit is not known."""
     for column in table.columns:
         if column.lower() in names:
             unit = fields_by_name(record)[column.lower()].metadata.get("unit", "1")
@@ -169,7 +169,6 @@ def _require_unit_of(table: SourceTable, record: type[Any], names: tuple[str, ..
 
 
 def _require_values(own: _Rows, task: str) -> None:
-    """Refuse a trial without a value that it must have, and that nothing else tells."""
     fields = dataclasses.fields(TASKS[task].trial)
     told = {"search_time", *FOLLOWS.get(task, ()), *nullable_fields(TASKS[task].trial)}
     must = [f.name for f in fields if f.name in own.taken.given and f.default is dataclasses.MISSING]
@@ -182,7 +181,6 @@ def _require_values(own: _Rows, task: str) -> None:
 
 
 def _identity(own: _Rows) -> Iterator[str]:
-    """Make participants, sessions and sequences fit for names of folders, and number the trials."""
     yield from _make_names(own, "participant_id")
     if "session_id" in own.taken.given:
         yield from _make_names(own, "session_id")
@@ -241,7 +239,6 @@ def _make_names(own: _Rows, name: str) -> list[str]:
 
 
 def _require_different(own: _Rows, names: tuple[str, ...], advice: str = "") -> None:
-    """Refuse two rows that are the same trial."""
     first: dict[tuple[Any, ...], Row] = {}
     for line, values in own.rows:
         key = tuple(values[name] for name in names)
@@ -255,7 +252,6 @@ def _require_different(own: _Rows, names: tuple[str, ...], advice: str = "") -> 
 
 
 def _of_task(own: _Rows, task: str, display: Display | None) -> Iterator[str]:
-    """Fill in what follows from other columns of a task, and yield it in words."""
     given, item = own.taken.given, ITEMS.get(task, ())
     if item and "repetition" not in given:
         yield from _repetitions(own, item)
@@ -272,7 +268,6 @@ def _of_task(own: _Rows, task: str, display: Display | None) -> Iterator[str]:
 
 
 def _repetitions(own: _Rows, item: tuple[str, ...]) -> Iterator[str]:
-    """Count the answers of a participant to the same thing, if their order is known."""
     if "trial_index" not in own.taken.given:
         _require_different(
             own,
@@ -335,7 +330,6 @@ def _refuse_copied_ramps(own: _Rows) -> None:
 
 
 def _place_in_pairs(own: _Rows) -> None:
-    """Note which version of a sequence came first, where a session has both."""
     pairs: dict[tuple[Any, ...], list[dict[str, Any]]] = {}
     for _, values in sorted(own.rows, key=lambda row: row[1]["trial_index"]):
         key = tuple(values[name] for name in (*SESSION, "sequence", "repetition"))
@@ -348,7 +342,6 @@ def _place_in_pairs(own: _Rows) -> None:
 
 
 def _choose_intervals(own: _Rows) -> None:
-    """Say a choice by its interval where that is known."""
     for _, values in own.rows:
         if None not in (values["ours_interval"], values.get("chosen")) and values["response"] is None:
             ours_chosen = values.pop("chosen") == "ours"

@@ -12,10 +12,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError, shown
 from evenlight.data_schema.importing.import_mapping import UNITS, ImportMapping, fields_by_name
 from evenlight.data_schema.importing.source_tables import MISSING, Row, SourceTable
-from evenlight.data_schema.mapping import shown, type_hints
+from evenlight.data_schema.mapping import type_hints
 from evenlight.data_schema.quantities import check_value, file_key
 from evenlight.data_schema.storage.tables import number_in
 
@@ -113,7 +113,6 @@ def _wide_places(table: SourceTable, taken: ImportMapping) -> list[tuple[Cells, 
 def _refuse_unknown_versions(
     table: SourceTable, taken: ImportMapping, ours: str, matches: list[re.Match[str]]
 ) -> None:
-    """Refuse a column that is like others of a pattern, but for a choice that is not known."""
     pattern, kinds = taken.wide[ours], type_hints(taken.record)
     choices = [name for name in matches[0].groupdict() if issubclass(plain_kind(kinds[name]), enum.Enum)]
     shape = re.escape(pattern).replace(r"\{", "{").replace(r"\}", "}")
@@ -138,7 +137,6 @@ def _refuse_unknown_versions(
 
 
 def _expression(pattern: str, taken: ImportMapping) -> tuple[str, list[str]]:
-    """Return the regular expression of a pattern of columns, and the names of ours in it."""
     fields, kinds = fields_by_name(taken.record), type_hints(taken.record)
     expression, names = "", []
     for number, part in enumerate(re.split(r"\{(\w+)\}", pattern)):
@@ -237,7 +235,6 @@ class CellReader:
         return {name: value for name, value in values.items() if value is not None or name in required}
 
     def _number(self, name: str, kind: type[Any], text: str, where: str) -> float:
-        """Return a number in our unit."""
         number = number_in(text, where)
         unit = self._fields[name].metadata.get("unit", "1")
         number *= UNITS[unit][self._mapping.units[name]] if name in self._mapping.units else 1.0
@@ -249,7 +246,6 @@ class CellReader:
 
 
 def _choice(kind: type[enum.Enum], text: str, where: str, name: str) -> str:
-    """Return the value of a choice, whatever its capitals."""
     known = [str(member.value) for member in kind if member.value]
     found = next((value for value in known if value == text.lower()), None)
     if found is None:
@@ -259,5 +255,4 @@ def _choice(kind: type[enum.Enum], text: str, where: str, name: str) -> str:
 
 
 def _value_hint(name: str, value: str) -> str:
-    """Return how to say what a value stands for."""
     return f"say what stands for them, as with --value {name}:{value}=THEIRS"

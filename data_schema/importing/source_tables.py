@@ -10,8 +10,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import shown
+from evenlight.data_schema.errors import InputError, shown
 from evenlight.data_schema.storage.text_files import parse_json, read_text
 
 EXPECTED = "a table (CSV, TSV) or a list of trials (JSON), in UTF-8"
@@ -112,7 +111,6 @@ def read_sources(paths: Sequence[Path]) -> SourceTable:
 
 
 def _read_source(path: Path) -> SourceTable:
-    """Return the table of a file."""
     text = read_text(path, EXPECTED)
     table = _json_table(path, text) if text.lstrip()[:1] in ("[", "{") else _csv_table(path, text)
     if not table.rows:
@@ -121,7 +119,6 @@ def _read_source(path: Path) -> SourceTable:
 
 
 def _csv_table(path: Path, text: str) -> SourceTable:
-    """Return a table with delimiters."""
     first, _, rest = text.partition("\n")
     skipped = first.strip().startswith("sep=")  # a line of Excel's, which names the delimiter
     if skipped:
@@ -179,7 +176,6 @@ def _json_table(path: Path, text: str) -> SourceTable:
 
 
 def _is_json(line: str) -> bool:
-    """Return whether a line is JSON by itself."""
     try:
         return isinstance(json.loads(line), dict | list)
     except (ValueError, RecursionError):
@@ -187,14 +183,12 @@ def _is_json(line: str) -> bool:
 
 
 def _cell_text(value: Any) -> str:
-    """Return a value of JSON as the text of a cell."""
     if value is None:
         return ""
     return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
 
 
 def _kind_of(kind: str, columns: tuple[str, ...]) -> str:
-    """Return what kind of table it is, in words, with the program that its columns show."""
     if any(name.endswith(".thisN") for name in columns):
         return f"PsychoPy's {kind}"
     return f"jsPsych's {kind}" if {"trial_type", "trial_index"} <= set(columns) else kind

@@ -6,11 +6,10 @@ beside "estimated". No analysis uses it to estimate anything.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 
 from evenlight.data_schema.mapping import record_from_mapping
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import described, quantity, record
 from evenlight.data_schema.recordings.dataset_layout import SIMULATED_TRUTH
 from evenlight.data_schema.storage.text_files import read_json
 
@@ -21,7 +20,7 @@ TIME_RATIO = "ratio of search times, ours to baseline"
 NOTHING_TO_SEE = 0.05  # chances of choosing ours so near to one half are a coin's, for any usual sample
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class AssumedEffect:
     """One true effect in a simulated population."""
 
@@ -29,9 +28,6 @@ class AssumedEffect:
     group: str = described("of which sequence, or of which locations of a search")
     value: float = quantity("1", "the effect, in its unit")
     unit: str = described("rating points, or 1 for a share or a ratio")
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
     @property
     def is_a_coin(self) -> bool:

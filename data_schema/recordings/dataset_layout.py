@@ -20,6 +20,12 @@ SIMULATED_TRUTH = "simulated_truth.json"
 SWEEPS = "sweeps"  # displays measured with instruments, without participants
 SWEEP_MANIFEST = "sweep.json"
 READINGS = "readings.jsonl"
+# What BIDS does not define, as `.bidsignore` has it.
+NOT_OF_BIDS = (
+    *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS, LOCK)),
+    SIMULATED_TRUTH,
+    SWEEPS,
+)
 # What a played video's power is measured on.
 POWER_LOG = "power_log.json"
 POWER_SAMPLES = "power.csv"

@@ -11,6 +11,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from filelock import FileLock, Timeout
+
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
@@ -18,13 +20,9 @@ from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.recordings.dataset_layout import (
     DATASET_LOCK,
     DESCRIPTION,
-    EVENTS,
-    FRAMES,
-    HEADSET,
-    LOCK,
     MANIFEST,
+    NOT_OF_BIDS,
     PARTICIPANTS,
-    SIMULATED_TRUTH,
     SWEEPS,
     TRIALS,
     behaviour_file,
@@ -32,7 +30,6 @@ from evenlight.data_schema.recordings.dataset_layout import (
 )
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.storage.append_log import record_line
-from evenlight.data_schema.storage.locks import held_lock
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json, write_json_record
 from evenlight.data_schema.storage.whole_files import make_folder, results_folder, write_whole
 
@@ -123,7 +120,6 @@ def require_dataset(dataset: Path, simulated: bool, provenance: Provenance) -> N
 
 @contextmanager
 def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterator[None]:
-    """Hold a data set, which is made if there is none, for this program alone."""
     make_folder(dataset)
     busy = f"{dataset}: another program has been writing it for {LONGEST_WAIT:g} s; try again when it ends"
     lock = held_lock(dataset / DATASET_LOCK, busy, LONGEST_WAIT)
@@ -152,7 +148,6 @@ def _refuse_likely_slip(name: str, listed: list[str], dataset: Path) -> None:
 
 
 def _without_zeros(name: str) -> str:
-    """Return a participant without leading zeros and capitals."""
     return name.removeprefix("sub-").lower().lstrip("0")
 
 
@@ -168,7 +163,6 @@ def _refuse_other_kind(dataset: Path, simulated: bool) -> None:
 
 
 def _participant_table(dataset: Path) -> tuple[list[str], list[list[str]]]:
-    """Return the columns and rows of the list of participants; a new one where there is none."""
     path = dataset / PARTICIPANTS
     if not path.exists():
         there = [folder.name for folder in sorted(dataset.glob("sub-*"))]
@@ -217,12 +211,7 @@ def write_description(
     )
     kind = "SIMULATED: no person took part" if simulated else "people"
     write_whole(dataset / "README", README.format(kind=kind, origin=origin))
-    own_files = (
-        *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS, LOCK)),
-        SIMULATED_TRUTH,
-        SWEEPS,
-    )
-    write_whole(dataset / ".bidsignore", "".join(f"{name}\n" for name in own_files))
+    write_whole(dataset / ".bidsignore", "".join(f"{name}\n" for name in NOT_OF_BIDS))
 
 
 def write_participants(dataset: Path, participant_ids: Iterable[str], simulated: bool) -> None:
@@ -271,12 +260,40 @@ def column_descriptions(cls: type[Any], task: str) -> dict[str, Any]:
 
 
 def _tsv(columns: list[str], rows: Iterable[list[str]]) -> str:
-    """Return a table with tabs between its cells."""
     return "".join("\t".join(cells) + "\n" for cells in [columns, *rows])
 
 
 def _cell(value: object) -> str:
-    """Return a value as a cell of a BIDS table."""
     if value is None:
         return MISSING
     return str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def held_lock(path: Path, busy: str, longest_wait: float = 0.0) -> FileLock:
+    """Return a lock, held until its `release`; the system releases that of a killed program.
+
+    Parameters
+    ----------
+    path : Path
+        Its file.
+    busy : str
+        What is said if another program holds it all the time.
+    longest_wait : float, optional
+        How long to wait for it [s].
+
+    Raises
+    ------
+    InputError
+        If another program holds it, or its file cannot be written: in a folder of someone else, say.
+    """
+    lock = FileLock(path)
+    try:
+        lock.acquire(timeout=longest_wait)
+    except Timeout:
+        raise InputError(busy) from None
+    except (OSError, NotImplementedError) as error:  # the latter of a file system without locks
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(
+            f"cannot write to the folder {path.parent}: {reason}; choose another with --out"
+        ) from error
+    return lock

@@ -53,7 +53,6 @@ def why_apart(sessions: Sequence[SessionManifest]) -> str:
 
 
 def _named(session: SessionManifest) -> str:
-    """Return how a session is called."""
     return f"session {session.session_id} of participant {session.participant_id}"
 
 
@@ -148,7 +147,6 @@ def ramp_sessions(dataset: Path, roll: RollCall) -> tuple[SessionManifest, ...]:
 
 
 def _with_ramps(folders: Iterable[Path]) -> Iterator[SessionManifest]:
-    """Yield the manifests of the sessions that hold a trial that counts."""
     for folder in folders:
         with suppress(InputError):  # `validate` and `fit` say what cannot be read
             if any(_counts(line) for line in read_text(folder / TRIALS, "trials").split("\n")):
@@ -156,7 +154,6 @@ def _with_ramps(folders: Iterable[Path]) -> Iterator[SessionManifest]:
 
 
 def _counts(line: str) -> bool:
-    """Return whether a line holds a trial that is neither practice nor flagged."""
     try:
         trial = json.loads(line)
     except (ValueError, RecursionError):  # torn, or empty

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import dataclasses
 
-from evenlight.data_schema.quantities import as_in, check_limits, described, one_line, quantity
+from evenlight.data_schema.quantities import as_in, count, described, one_line, quantity, record
 from evenlight.data_schema.recordings.ramp import FrameLog, RampTrial
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class HeadsetLog:
     """The frames that a headset was given in one interval of a trial, as one line of `headset.jsonl`."""
 
@@ -19,9 +19,7 @@ class HeadsetLog:
         "s", "when each frame appeared, as the runtime predicted, since the session began"
     )
     periods: tuple[float, ...] = quantity("s", "how long each was to last, as the runtime said", above=0.0)
-    late_frames: tuple[int, ...] = quantity(
-        "1", "refreshes that passed without a new frame before each", minimum=0
-    )
+    late_frames: tuple[int, ...] = count("refreshes that passed without a new frame before each")
     head_right: tuple[float, ...] = quantity(
         "m", "where the head was predicted to be at that time: to the right of where the session began"
     )
@@ -38,9 +36,8 @@ class HeadsetLog:
     tracked: tuple[bool, ...] = described("whether the head's orientation was known")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         n = len(self.display_times)
-        lists = (getattr(self, name) for name in self.__slots__[4:])
+        lists = (getattr(self, field.name) for field in dataclasses.fields(self)[4:])
         if any(len(each) != n for each in lists):
             raise ValueError(f"the lists of a headset log must be equally long, got {n} display_times")
 

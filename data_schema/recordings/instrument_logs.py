@@ -5,19 +5,15 @@ Beside the samples of a played video lie the clocks and what was shown when: fli
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, quantity, record, share
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PowerSample:
     """One sample of a power meter, a row of `power.csv`."""
 
-    sequence: int = quantity(
-        "1", "the instrument's own count: a gap is a lost sample, a repetition a duplicated one", minimum=0
-    )
+    sequence: int = count("the instrument's own count: a gap is a lost sample, a repetition a duplicated one")
     device_time: float = quantity("s", "when, on the instrument's clock; on the computer's where it has none")
     received: float = quantity("s", "when it had arrived, on the computer's clock")
     power: float = quantity(
@@ -25,11 +21,8 @@ class PowerSample:
     )
     sync: bool = described("level of the synchronisation input at that moment", default=False)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class ClockPing:
     """One comparison of two clocks: the instrument gave its time between two times of the computer."""
 
@@ -38,32 +31,26 @@ class ClockPing:
     received: float = quantity("s", "on the computer's clock, right after the answer")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.received < self.sent:
             raise ValueError(f"need sent <= received, got {self.sent:g} and {self.received:g} s")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PlayedFlip:
     """One refresh of the display that showed a frame of a played video, a row of `flips.csv`."""
 
-    pass_index: int = quantity("1", "which time through the video, from 0", minimum=0)
+    pass_index: int = count("which time through the video, from 0")
     version: str = described("how the video was dimmed", pattern="^(ours|baseline|full)$")
     flip: float = quantity("s", "when it appeared, on the computer's clock")
-    video_frame: int = quantity("1", "frame of the video", minimum=0)
-    factor: float = quantity("1", "brightness factor b that was asked for", minimum=0.0, maximum=1.0)
-    achieved_factor: float = quantity(
-        "1", "brightness factor that pixels or backlight made of it", minimum=0.0, maximum=1.0
-    )
+    video_frame: int = count("frame of the video")
+    factor: float = share("brightness factor b that was asked for")
+    achieved_factor: float = share("brightness factor that pixels or backlight made of it")
     sync: bool = described(
         "level of the synchronisation line from this flip on; it changes with every new video frame"
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class BacklightSetting:
     """One setting of a backlight, a row of `backlight.csv`."""
 
@@ -74,11 +61,8 @@ class BacklightSetting:
         "1", "brightness factor that the device has taken; empty where it refused"
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class FlashMark:
     """One change of a flash marker, a row of `flashes.csv`: the whole brightness, up or down.
 
@@ -87,13 +71,10 @@ class FlashMark:
     """
 
     time: float = quantity("s", "when it appeared, on the computer's clock")
-    factor: float = quantity("1", "brightness factor b from then on", minimum=0.0, maximum=1.0)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
+    factor: float = share("brightness factor b from then on")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PowerLog:
     """What the power of a played video was measured on, `power_log.json` beside its tables."""
 
@@ -103,27 +84,20 @@ class PowerLog:
     passes: tuple[str, ...] = described("version of each pass, in order", pattern="^(ours|baseline|full)$")
     refresh_rate: float = quantity("Hz", "refresh rate of the display", above=0.0)
     sample_rate: float = quantity("Hz", "sample rate of the power meter", above=0.0)
-    mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0, maximum=1.0)
-    baseline_factor: float = quantity(
-        "1", "brightness factor of constant dimming at equal power", above=0.0, maximum=1.0
-    )
+    mean_factor: float = share("mean brightness factor of the track", above=0.0)
+    baseline_factor: float = share("brightness factor of constant dimming at equal power", above=0.0)
     sync_connected: bool = described("true if the meter's synchronisation input follows the frames")
-    apparatus: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "what the devices say of themselves"}
-    )
+    apparatus: dict[str, str] = described("what the devices say of themselves", factory=dict)
     provenance: Provenance = described("how the file was made", default=Provenance())
     started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
     shown: str = described("what the window showed of the video, and how large; empty if unknown", default="")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class MeterReading:
     """One reading of a luminance meter, a row of a table."""
 
-    index: int = quantity("1", "which reading, from 1", minimum=1)
+    index: int = count("which reading, from 1", minimum=1)
     utc: str = described("when it ended, UTC (ISO 8601); empty without a clock")
     begun: float = quantity("s", "right before the reading, since the first began", minimum=0.0)
     ended: float = quantity("s", "right after the reading, since the first began", minimum=0.0)
@@ -140,6 +114,5 @@ class MeterReading:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.ended < self.begun:
             raise ValueError(f"need begun <= ended, got {self.begun:g} and {self.ended:g} s")

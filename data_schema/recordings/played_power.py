@@ -1,15 +1,15 @@
-"""Measured power of a played video: ours, baseline and full brightness (the paper's power table).
+"""Measured power of a played video: of a panel, frame by frame, or of the whole device that plays it.
 
-The power meter's clock is fitted to the computer's, each frame gets its energy, and passes are averaged.
+Of a panel: ours, baseline and full brightness (the paper's power table). The power meter's clock is fitted to
+the computer's, each frame gets its energy, and passes are averaged. Of a device: what a dimmed version saves.
 """
 
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 
 VERSION = "^(ours|baseline|full)$"
 
@@ -40,7 +40,7 @@ class ClockFlag(enum.Enum):
     UNKNOWN_LATENCY = "unknown_latency"  # how late samples are timed is not known
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ClockFit:
     """A meter's clock on the computer's.
 
@@ -62,29 +62,21 @@ class ClockFit:
         "markers tell and the flips' own times are right; null if the latency is unknown",
         minimum=0.0,
     )
-    n_used: int = quantity("1", "edges, pings or markers that the line rests on", minimum=0)
-    n_rejected: int = quantity("1", "edges, pings or markers that were left out", minimum=0)
+    n_used: int = count("edges, pings or markers that the line rests on")
+    n_rejected: int = count("edges, pings or markers that were left out")
     flags: tuple[ClockFlag, ...] = described("what a reader should know", default=())
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class SampleCount:
     """Which samples of a power meter came."""
 
-    n_samples: int = quantity("1", "samples that came, each counted once", minimum=0)
-    n_lost: int = quantity("1", "samples that did not come, by the meter's own count", minimum=0)
-    n_duplicated: int = quantity("1", "samples that came again", minimum=0)
+    n_samples: int = count("samples that came, each counted once")
+    n_lost: int = count("samples that did not come, by the meter's own count")
+    n_duplicated: int = count("samples that came again")
     duration: float = quantity("s", "from the first to the last, on the meter's clock", minimum=0.0)
-    bridged_share: float = quantity(
-        "1", "share of that time without a sample, where power was interpolated", minimum=0.0, maximum=1.0
-    )
+    bridged_share: float = share("share of that time without a sample, where power was interpolated")
     longest_gap: float = quantity("s", "the longest time without a sample", minimum=0.0)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
 
 class FrameFlag(enum.Enum):
@@ -96,26 +88,23 @@ class FrameFlag(enum.Enum):
     OUTSIDE = "outside"  # the samples begin after it, or end before it: left out
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FrameEnergy:
     """Energy that the panel took while a frame was shown, a row of `frame_energy.csv`."""
 
-    pass_index: int = quantity("1", "which time through the video, from 0", minimum=0)
+    pass_index: int = count("which time through the video, from 0")
     version: str = described("how the video was dimmed", pattern="^(ours|baseline|full)$")
-    video_frame: int = quantity("1", "frame of the video", minimum=0)
+    video_frame: int = count("frame of the video")
     begun: float = quantity("s", "when it appeared, on the computer's clock")
     duration: float = quantity("s", "until the next one appeared", above=0.0)
     energy: float | None = quantity("J", "integral of power over that time; empty where left out")
     power: float | None = quantity("W", "mean power over that time; empty where left out")
-    factor: float = quantity(
-        "1", "brightness factor b that was achieved, mean over the frame's time", minimum=0.0, maximum=1.0
-    )
-    n_samples: int = quantity("1", "samples that ended while it was shown", minimum=0)
-    bridged_share: float = quantity("1", "share of its time without a sample", minimum=0.0, maximum=1.0)
+    factor: float = share("brightness factor b that was achieved, mean over the frame's time")
+    n_samples: int = count("samples that ended while it was shown")
+    bridged_share: float = share("share of its time without a sample")
     flag: FrameFlag = described("what to know about it")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         left_out = self.flag in LEFT_OUT
         if (self.energy is None) != left_out or (self.power is None) != left_out:
             raise ValueError(
@@ -127,7 +116,7 @@ class FrameEnergy:
 LEFT_OUT = (FrameFlag.GAP, FrameFlag.OUTSIDE)  # frames without an energy
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PassPower:
     """Power of one time through a video."""
 
@@ -138,29 +127,22 @@ class PassPower:
     mean_power: float | None = quantity(
         "W", "energy over time, of the frames that have an energy; null if none has"
     )
-    mean_factor: float = quantity(
-        "1", "mean over time of the brightness factor b that was achieved", minimum=0.0, maximum=1.0
-    )
-    n_frames: int = quantity("1", "frames shown", minimum=1)
-    n_left_out: int = quantity("1", "frames without an energy", minimum=0)
-    n_dropped: int = quantity(
-        "1", "refreshes of the display without a new picture where one was due", minimum=0
-    )
+    mean_factor: float = share("mean over time of the brightness factor b that was achieved")
+    n_frames: int = count("frames shown", minimum=1)
+    n_left_out: int = count("frames without an energy")
+    n_dropped: int = count("refreshes of the display without a new picture where one was due")
     measured_share: float = quantity(
         "1", "share of the video's duration that is in mean_power_w", minimum=0.0
     )
-    bridged_share: float = quantity(
-        "1", "share of the measured time without a sample", minimum=0.0, maximum=1.0
-    )
+    bridged_share: float = share("share of the measured time without a sample")
     used: bool = described("true if it counts in the means of its version: enough of the video was measured")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.used and self.mean_power is None:
             raise ValueError("a pass that is used must have a mean_power_w")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class VersionPower:
     """Measured average power of a version of a video, a row of `power_table.csv`.
 
@@ -169,7 +151,7 @@ class VersionPower:
     """
 
     version: str = as_in(PassPower, "version")
-    n_passes: int = quantity("1", "passes that count", minimum=1)
+    n_passes: int = count("passes that count", minimum=1)
     mean_power: float = quantity("W", "energy of all passes over their time")
     sd_power: float | None = quantity("W", "standard deviation of the passes' means", minimum=0.0)
     ci_low: float | None = quantity(
@@ -200,14 +182,13 @@ class VersionPower:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if (self.ci_low is None) != (self.ci_high is None):
             raise ValueError("ci_low_w and ci_high_w must both be there, or neither")
         if self.ci_low is not None and self.ci_high is not None and self.ci_low > self.ci_high:
             raise ValueError(f"need ci_low <= ci_high, got {self.ci_low:g} and {self.ci_high:g} W")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class EqualPower:
     """Whether ours and baseline take the same power, freed from the drift that they share."""
 
@@ -218,29 +199,21 @@ class EqualPower:
     ci_high: float | None = quantity(
         "W", "upper end of its 95 % confidence interval; null without repetitions"
     )
-    degrees_of_freedom: int = quantity(
-        "1", "degrees of freedom of interval and test; 0 without repetitions", minimum=0
-    )
+    degrees_of_freedom: int = count("degrees of freedom of interval and test; 0 without repetitions")
     margin: float | None = quantity(
         "W",
         "differences below this count as none; null if full brightness, whose share it is, was not measured",
         above=0.0,
     )
-    p: float | None = quantity(
-        "1",
-        "greater p-value of two one-sided t-tests: how probable so small a difference is if it is the margin",
-        minimum=0.0,
-        maximum=1.0,
+    p: float | None = share(
+        "greater p-value of two one-sided t-tests: how probable so small a difference is if it is the margin"
     )
     equal: bool | None = described(
         "true if the tests find the difference within the margin; null if they could not be made"
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class PlayedPower:
     """Measured power of a played video, `played_power.json`."""
 
@@ -261,5 +234,53 @@ class PlayedPower:
     notes: tuple[str, ...] = described("what a reader should be warned of", default=())
     provenance: Provenance = described("how the file was made", default=Provenance())
 
-    def __post_init__(self) -> None:
-        check_limits(self)
+
+@record
+class DevicePass:
+    """One time through a film on a device, a row of `passes.csv`; its samples are in `power.csv`."""
+
+    pass_index: int = count("which pass, from 0")
+    version: str = described("which version of the film", pattern="^(full|dimmed)$")
+    begun: float = quantity("s", "when it counts from: after the settling time, on the computer's clock")
+    duration: float = quantity("s", "how long it counts", above=0.0)
+    mean_power: float = quantity("W", "mean power of the device over that time, weighted by time", above=0.0)
+    n_samples: int = count("samples that came in that time", minimum=2)
+    n_lost: int = count("samples that did not come")
+    longest_hold: float = quantity(
+        "s", "the longest time for which the meter gave one and the same value", minimum=0.0
+    )
+    n_wild: int = count("samples left out: over 3 times the pass's median, or under a third of it", default=0)
+
+    @property
+    def used(self) -> bool:
+        """Whether it counts: what does not is not recorded."""
+        return True
+
+
+@record
+class DeviceSaving:
+    """The power that a dimmed version saves of the whole device, `saving.json`.
+
+    Both versions are compared at one and the same time, freed from the device's straight drift; intervals are
+    of 95 %, from Student's t over the passes.
+    """
+
+    simulated: bool = described("true if the device is simulated")
+    instrument: str = described("what measured the power")
+    full: str = described("the film at full brightness")
+    dimmed: str = described("its dimmed version")
+    settle: float = quantity("s", "time at the beginning of each pass that does not count", minimum=0.0)
+    passes: tuple[DevicePass, ...] = described("each pass, in order")
+    full_power: float = quantity("W", "mean power of the device with the film at full brightness", above=0.0)
+    dimmed_power: float = quantity("W", "the same with its dimmed version", above=0.0)
+    saving_percent: float = quantity("%", "1 - dimmed/full, freed from drift", key="saving_percent")
+    ci_low: float = quantity("%", "lower end of its interval", key="saving_percent_ci_low")
+    ci_high: float = quantity("%", "upper end of its interval", key="saving_percent_ci_high")
+    degrees_of_freedom: int = count("of the interval", minimum=1)
+    detectable_percent: float = quantity(
+        "%", "saving that such a measurement tells from none four times in five", minimum=0.0
+    )
+    drift_percent_h: float = quantity("%", "rise of the power of one and the same version, per hour")
+    notes: tuple[str, ...] = described("what a reader should be warned of", default=())
+    apparatus: dict[str, str] = described("what the instrument says of itself", factory=dict)
+    provenance: Provenance = described("how the file was made", default=Provenance())

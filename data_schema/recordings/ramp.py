@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
 
-from evenlight.data_schema.quantities import check_limits, described, one_line, quantity
+from evenlight.data_schema.quantities import count, described, one_line, quantity, record, share
 
 ROUNDING = 1e-6  # relative, of a luminance that was computed and written
 ANSWER_TIME = 1.5  # [s] from the question to the answer, of a practised person (choice)
@@ -60,7 +59,7 @@ class TrialFlag(enum.Enum):
     SEEN_BEFORE = "seen_before"  # a search that was interrupted: where the ring is may be known
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RampDesign:
     """Which ramps are shown, how often and how, and what is asked."""
 
@@ -71,20 +70,14 @@ class RampDesign:
         default=("white", "gray"),
         pattern="^(white|gray)$",
     )
-    factors: tuple[float, ...] = quantity(
-        "1",
+    factors: tuple[float, ...] = share(
         "initial brightness factors, B in the paper",
         above=0.0,
-        maximum=1.0,
         min_items=1,
         default=(0.2, 0.4, 0.6, 0.8, 1.0),
     )
-    white_pixel_value: float = quantity(
-        "1", "pixel value of the white screen", above=0.0, maximum=1.0, default=1.0
-    )
-    gray_pixel_value: float = quantity(
-        "1", "pixel value of the gray screen", above=0.0, maximum=1.0, default=0.46
-    )
+    white_pixel_value: float = share("pixel value of the white screen", above=0.0, default=1.0)
+    gray_pixel_value: float = share("pixel value of the gray screen", above=0.0, default=0.46)
     directions: tuple[Direction, ...] = described(
         "whether the luminance falls or rises; each a block of its own", default=(Direction.DOWN,)
     )
@@ -105,14 +98,13 @@ class RampDesign:
         "the total change is the same",
         default=True,
     )
-    repetitions: int = quantity(
-        "1",
+    repetitions: int = count(
         "trials per screen, factor, direction, duration and rate, for constant placement",
         minimum=1,
         default=6,
     )
-    trials_per_level: int = quantity(
-        "1", "ramps per screen, factor, direction and duration, for adaptive placement", minimum=1, default=40
+    trials_per_level: int = count(
+        "ramps per screen, factor, direction and duration, for adaptive placement", minimum=1, default=40
     )
     catch_share: float = quantity(
         "1", "share of all trials without any change; yes/no only", minimum=0.0, maximum=0.9, default=0.2
@@ -120,10 +112,7 @@ class RampDesign:
     adaptation_duration: float = quantity("s", "constant luminance before the ramp", minimum=0.0, default=1.0)
     hold_duration: float = quantity("s", "constant luminance after the ramp", minimum=0.0, default=1.0)
     interval_gap: float = quantity(
-        "s",
-        "time before each of two intervals and after them",
-        minimum=0.1,
-        default=0.5,
+        "s", "time before each of two intervals and after them", minimum=0.1, default=0.5
     )
     interval_gap_kind: IntervalGap = described(
         "what is seen then: luminances drawn at random, or the one at which the last interval ended",
@@ -139,37 +128,30 @@ class RampDesign:
         minimum=0.0,
         default=1.0,
     )
-    practice_trials: int = quantity(
-        "1", "practice trials in a round before the session; left out of the analysis", minimum=0, default=6
+    practice_trials: int = count(
+        "practice trials in a round before the session; left out of the analysis", default=6
     )
-    practice_correct: int = quantity(
-        "1",
+    practice_correct: int = count(
         "right answers that a round of practice needs, its ramps going from the fastest down to near "
         "threshold; 0 for one round of the fastest, whatever the answers",
-        minimum=0,
         default=0,
     )
-    practice_rounds: int = quantity(
-        "1", "rounds of practice at most, while too few answers are right", minimum=1, default=3
+    practice_rounds: int = count(
+        "rounds of practice at most, while too few answers are right", minimum=1, default=3
     )
-    trials_between_breaks: int = quantity(
-        "1", "trials between two breaks; 0 for no breaks", minimum=0, default=60
-    )
+    trials_between_breaks: int = count("trials between two breaks; 0 for no breaks", default=60)
     minutes_between_breaks: float = quantity(
         "min",
         "time after which a break comes before as many trials are done; 0 for none",
         minimum=0.0,
         default=0.0,
     )
-    max_dropped_frames: int = quantity(
-        "1", "a trial with more dropped frames is flagged", minimum=0, default=3
-    )
+    max_dropped_frames: int = count("a trial with more dropped frames is flagged", default=3)
     repeat_flagged: bool = described(
         "true if a flagged trial is shown again at the end of the session", default=True
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         for name in ("screens", "directions", "ramp_durations", "factors", "relative_rates"):
             values = getattr(self, name)
             if not values or len(set(values)) < len(values):
@@ -230,15 +212,15 @@ class Trial:
         return not self.practice and self.flag is TrialFlag.NONE
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RampTrial(Trial):
     """One trial of the ramp experiment, as one line of `trials.jsonl`."""
 
     participant_id: str = described("participant", pattern="^[0-9A-Za-z]+$")
     session_id: str = described("session", pattern="^[0-9A-Za-z]+$")
-    trial_index: int = quantity("1", "place among the session's answered trials, from 0", minimum=0)
+    trial_index: int = count("place among the session's answered trials, from 0")
     screen: str = described("white or gray", pattern="^(white|gray)$")
-    factor: float = quantity("1", "initial brightness factor", above=0.0, maximum=1.0)
+    factor: float = share("initial brightness factor", above=0.0)
     initial_luminance: float = quantity("cd/m^2", "luminance before the ramp", above=0.0)
     final_luminance: float = quantity("cd/m^2", "luminance after the ramp", minimum=0.0)
     rate: float = quantity("cd/m^2/s", "rate of change; 0 in a catch trial", minimum=0.0)
@@ -255,16 +237,14 @@ class RampTrial(Trial):
         "1", "which of two intervals held the ramp; null in yes/no", minimum=1, maximum=2, default=None
     )
     practice: bool = described("true if it was practice", default=False)
-    block: int = quantity("1", "block of the session, from 1; 0 for practice", minimum=0, default=1)
-    attempt: int = quantity("1", "above 1 if it was shown before and interrupted", minimum=1, default=1)
+    block: int = count("block of the session, from 1; 0 for practice", default=1)
+    attempt: int = count("above 1 if it was shown before and interrupted", minimum=1, default=1)
     onset: float | None = quantity(
         "s", "first flip of the trial, since the session began", minimum=0.0, default=None
     )
-    noise_seed: int | None = quantity("1", "seed of the dithering noise", minimum=0, default=None)
-    n_frames: int | None = quantity("1", "frames shown", minimum=0, default=None)
-    frames_dropped: int | None = quantity(
-        "1", "frames that the display showed longer than one refresh", minimum=0, default=None
-    )
+    noise_seed: int | None = count("seed of the dithering noise", default=None)
+    n_frames: int | None = count("frames shown", default=None)
+    frames_dropped: int | None = count("frames that the display showed longer than one refresh", default=None)
     drawn_initial_luminance: float | None = quantity(
         "cd/m^2", "mean luminance read back from the window before the ramp", minimum=0.0, default=None
     )
@@ -277,7 +257,6 @@ class RampTrial(Trial):
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.is_catch != (self.rate == 0):
             raise ValueError(f"a catch trial has rate 0 and only a catch trial has, got rate {self.rate:g}")
         two = self.procedure is Procedure.TWO_INTERVAL
@@ -352,12 +331,12 @@ def trial_seconds(design: RampDesign) -> float:
     return shown + ANSWER_TIME + design.pause_duration
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class FrameLog:
     """What the display showed in one interval of a trial, as one line of `frames.jsonl`."""
 
-    trial_index: int = quantity("1", "place among the session's answered trials, from 0", minimum=0)
-    attempt: int = quantity("1", "above 1 if it was shown before and interrupted", minimum=1)
+    trial_index: int = count("place among the session's answered trials, from 0")
+    attempt: int = count("above 1 if it was shown before and interrupted", minimum=1)
     interval: int = quantity("1", "interval of the trial: 1, or 2 for the second", minimum=1, maximum=2)
     flip_times: tuple[float, ...] = quantity(
         "s", "when each frame appeared, since the first of the interval", minimum=0.0
@@ -365,9 +344,7 @@ class FrameLog:
     intended_luminance: tuple[float, ...] = quantity(
         "cd/m^2", "luminance that each frame was to show", minimum=0.0
     )
-    probe_frames: tuple[int, ...] = quantity(
-        "1", "frames that were read back from the window", minimum=0, default=()
-    )
+    probe_frames: tuple[int, ...] = count("frames that were read back from the window", default=())
     probe_luminance: tuple[float, ...] = quantity(
         "cd/m^2", "mean luminance of the frames read back", minimum=0.0, default=()
     )
@@ -379,7 +356,6 @@ class FrameLog:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         n = len(self.flip_times)
         if len(self.intended_luminance) != n or len(self.backlight_factors) not in (0, n):
             raise ValueError(f"the lists of a frame log must be equally long, got {n} flip_times")

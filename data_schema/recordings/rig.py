@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import enum
-import re
-from dataclasses import dataclass, field
 
 from evenlight.data_schema.display import COARSEST, FINEST
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import described, quantity, record
 
 # What is printed on a key, in lower case, or its name as PsychoPy has it; a name that no key has would never
 # be answered with.
@@ -64,18 +62,15 @@ class Corner(enum.Enum):
     BOTTOM_RIGHT = "bottom_right"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PhotodiodePatch:
     """A square in a corner of the window: white while a stimulus is shown, black otherwise."""
 
     corner: Corner = described("which corner", default=Corner.TOP_LEFT)
     size: int = quantity("pixels", "its width and height", minimum=8, maximum=512, default=64)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class TriggerCodes:
     """The codes of a rig's triggers, 0 for one that is not sent; each event is labelled by its name here."""
 
@@ -88,11 +83,8 @@ class TriggerCodes:
     question_onset: int = quantity("1", "first frame of a question", minimum=0, maximum=255, default=7)
     answer: int = quantity("1", "a key answered the question", minimum=0, maximum=255, default=8)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class Keys:
     """The keys of a rig: by what is printed on them in lower case (y, ä), others by PsychoPy's names."""
 
@@ -117,7 +109,6 @@ class Keys:
     turn_down: str = described("looks down", default="down", pattern=KEY)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if len(self.ratings) != 5 or len(self.orientations) != 8:
             raise ValueError(
                 f"need 5 keys for ratings and 8 for orientations, got {len(self.ratings)} and "
@@ -141,7 +132,7 @@ class Keys:
                     raise ValueError(f"keys are named in lower case: {name.lower()!r}, got {name!r}")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Rig:
     """What a session runs on."""
 
@@ -209,16 +200,15 @@ class Rig:
         default=None,
     )
     language: str = described("language of the pages shown, e.g. en", default="en", pattern="^[A-Za-z0-9-]+$")
-    keys: Keys = field(default_factory=Keys, metadata={"doc": "what is pressed"})
+    keys: Keys = described("what is pressed", factory=Keys)
     triggers: tuple[str, ...] = described(
         "devices that take a trigger when something is shown: simulated, or DRIVER:ADDRESS as "
         "`evenlight measure list` has them, e.g. serial:/dev/ttyUSB0?baud=115200",
         default=(),
         pattern=TRIGGER,
+        form=TRIGGER_FORMS,
     )
-    trigger_codes: TriggerCodes = field(
-        default_factory=TriggerCodes, metadata={"doc": "what each trigger sends"}
-    )
+    trigger_codes: TriggerCodes = described("what each trigger sends", factory=TriggerCodes)
     photodiode_patch: PhotodiodePatch | None = described(
         "corner that a photodiode looks at; null for none", default=None
     )
@@ -227,10 +217,6 @@ class Rig:
     )
 
     def __post_init__(self) -> None:
-        for trigger in self.triggers:
-            if not re.fullmatch(TRIGGER, trigger):
-                raise ValueError(f"triggers must be {TRIGGER_FORMS}, got {trigger!r}")
-        check_limits(self)
         if self.bits not in (8, 10):
             raise ValueError(f"bits must be 8 or 10, got {self.bits}")
         if not self.display:
@@ -256,7 +242,6 @@ class Rig:
         return isinstance(self.screen, str)
 
     def _check_headset(self) -> None:
-        """Refuse what a headset does not have."""
         if self.backlight != "none":
             raise ValueError(f"a headset's backlight is its own, and is not set: got {self.backlight!r}")
         if self.photodiode_patch is not None:

@@ -11,15 +11,15 @@ import json
 import re
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import record_from_mapping, shown
+from evenlight.data_schema.errors import InputError, shown
+from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.provenance import sha256_of_bytes
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, record
 from evenlight.data_schema.recordings.dataset_layout import DESCRIPTION, MANIFEST, PARTICIPANTS, TRIALS
 from evenlight.data_schema.recordings.session import TASKS, SessionStatus
 from evenlight.data_schema.storage.text_files import read_json, read_text
@@ -44,7 +44,7 @@ class SessionUse(enum.Enum):
     DAMAGED = "damaged"  # refused: trials without a manifest, or files that cannot be read
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RollEntry:
     """One session of a data set, or a folder that should be one."""
 
@@ -55,15 +55,12 @@ class RollEntry:
     status: str = described("how far it got, by the manifest; empty if it does not say", default="")
     display: str = described("its display and calibration by the manifest; empty if unknown", default="")
     source: str = described("name of the file that it was imported from; empty if recorded", default="")
-    n_trials: int = quantity("1", "lines of its trials, practice and all", minimum=0, default=0)
+    n_trials: int = count("lines of its trials, practice and all", default=0)
     use: SessionUse = described("what becomes of it", default=SessionUse.READ)
     why: str = described("why it is not read; empty if it is", default="")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class RollCall:
     """Who took part in a data set: its sessions, its list of participants, and where they disagree."""
 
@@ -73,9 +70,6 @@ class RollCall:
     remarks: tuple[str, ...] = field(
         default=(), metadata={"doc": "where list, folders and manifests disagree; links out of the data set"}
     )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
     @property
     def read(self) -> tuple[RollEntry, ...]:
@@ -154,13 +148,11 @@ def _of_session(participant: RollEntry, folder: Path) -> Iterator[RollEntry]:
 
 
 def _should_be(folder: Path, pattern: re.Pattern[str], trials: str) -> bool:
-    """Return whether a folder of another name is meant to be a participant's or a session's."""
     nearly = NEARLY[pattern].fullmatch(folder.name) is not None
     return folder.is_dir() and not folder.name.startswith(".") and (nearly or any(folder.glob(trials)))
 
 
 def _not_read(entry: RollEntry, use: SessionUse, why: str) -> RollEntry:
-    """Return the entry of a session that is not read."""
     return dataclasses.replace(entry, use=use, why=why)
 
 
@@ -193,7 +185,6 @@ def _by_manifest(entry: RollEntry, folder: Path) -> RollEntry:
 
 
 def _as_used(entry: RollEntry, task: str) -> RollEntry:
-    """Return the entry of a session with a task, with what becomes of it."""
     if task not in TASKS:
         meant = next((known for known in TASKS if known.lower() == task.strip().lower()), None)
         if meant is not None:
@@ -239,7 +230,6 @@ def _without_copies(dataset: Path, entries: list[RollEntry]) -> list[RollEntry]:
 
 
 def _agrees(entry: RollEntry) -> bool:
-    """Return whether the folder of a session is that of its manifest's participant and session."""
     return entry.folder == f"sub-{entry.participant_id}/ses-{entry.session_id}"
 
 
@@ -264,7 +254,6 @@ def _fingerprint(lines: list[str]) -> str:
 
 
 def _about(dataset: Path, entry: RollEntry) -> Iterator[str]:
-    """Yield what is to be said about a session that is read all the same."""
     if entry.use is SessionUse.READ and not _agrees(entry):
         yield (
             f"{entry.folder} is read as session {entry.session_id} of participant {entry.participant_id}, as "
@@ -283,7 +272,6 @@ def leads_out(path: Path, dataset: Path) -> bool:
 
 
 def _listed(dataset: Path, folders: list[str]) -> tuple[list[str], list[str]]:
-    """Return the participants on the list, and where it disagrees with the folders, or cannot be read."""
     path = dataset / PARTICIPANTS
     if not path.exists():
         return [], []

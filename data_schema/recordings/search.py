@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
-from evenlight.data_schema.quantities import as_in, check_limits, described, one_line, quantity
+from evenlight.data_schema.quantities import as_in, count, described, one_line, quantity, record, share
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Trial, TrialFlag
 from evenlight.data_schema.recordings.viewing import (
     NAME,
@@ -20,7 +18,7 @@ ORIENTATIONS = (0, 45, 90, 135, 180, 225, 270, 315)
 KEYPOINT = "^[A-Za-z0-9][A-Za-z0-9_-]*/[A-Za-z0-9][A-Za-z0-9 _-]*$"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SearchDesign:
     """Where rings are searched for, how they look, and for how long."""
 
@@ -58,27 +56,16 @@ class SearchDesign:
         default=60.0,
     )
     adaptation_duration: float = quantity("s", "uniform field before each scene", minimum=0.0, default=2.0)
-    practice_trials: int = quantity(
-        "1", "practice trials before the session; left out of the analysis", minimum=0, default=2
-    )
-    trials_between_breaks: int = quantity(
-        "1", "trials between two breaks; 0 for no breaks", minimum=0, default=12
-    )
+    practice_trials: int = count("practice trials before the session; left out of the analysis", default=2)
+    trials_between_breaks: int = count("trials between two breaks; 0 for no breaks", default=12)
     minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
-    max_dropped_share: float = quantity(
-        "1",
-        "a trial with a larger share of dropped frames is flagged",
-        minimum=0.0,
-        maximum=1.0,
-        default=0.05,
-    )
+    max_dropped_share: float = share("a trial with a larger share of dropped frames is flagged", default=0.05)
     repeat_flagged: bool = described(
         "true if a flagged trial is shown again at the end; false because a place that was seen is known",
         default=False,
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         require_names(self.sequences, "sequences")
         if len(set(self.keypoints)) < len(self.keypoints):
             raise ValueError("keypoints must name none twice")
@@ -91,7 +78,7 @@ class SearchDesign:
             raise ValueError("ring_contrast must not be 0: such a ring is not there")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SearchTrial(Trial):
     """One search for a ring, as one line of `trials.jsonl`."""
 
@@ -101,9 +88,7 @@ class SearchTrial(Trial):
     sequence: str = described("camera path", pattern=NAME)
     keypoint: str = described("point on the camera path")
     version: Version = described("whose brightness the scene had")
-    factor: float | None = quantity(
-        "1", "brightness factor b of the scene; null if unknown", above=0.0, maximum=1.0
-    )
+    factor: float | None = share("brightness factor b of the scene; null if unknown", above=0.0)
     ring_place: int | None = quantity(
         "1", "which of the keypoint's two places of a ring; null if unknown", minimum=1, maximum=2
     )
@@ -144,7 +129,6 @@ class SearchTrial(Trial):
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         for name in ("ring_orientation", "reported_orientation"):
             value = getattr(self, name)
             if value is not None and value not in ORIENTATIONS:
@@ -171,7 +155,7 @@ class SearchTrial(Trial):
         return self.found and self.reported_orientation == self.ring_orientation
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ViewLog:
     """Where a participant looked during a search, as one line of `frames.jsonl`."""
 
@@ -186,7 +170,6 @@ class ViewLog:
     backlight_factors: tuple[float, ...] = as_in(ClipLog, "backlight_factors")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         n = len(self.flip_times)
         lengths = (len(self.azimuths), len(self.altitudes), len(self.backlight_factors) or n)
         if set(lengths) != {n}:

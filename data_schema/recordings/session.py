@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import enum
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import check_limits, described, quantity
+from evenlight.data_schema.quantities import count, described, quantity, record
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
@@ -57,26 +57,20 @@ class SessionStatus(enum.Enum):
 WHOLE = (SessionStatus.COMPLETE, SessionStatus.IMPORTED)  # all trials are there that there will be
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ImportSource:
     """The file of another program that a session was imported from, and how it was read."""
 
     file: str = described("which of the files it was, without its name, which may be a person's")
     file_format: str = described("what kind of table it is, as it was recognized")
     sha256: str = described("SHA-256 of the file")
-    columns: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "its column for each of Evenlight's"}
-    )
-    units: dict[str, str] = field(default_factory=dict, metadata={"doc": "unit of a column, as stated"})
-    values: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "its values for each of Evenlight's, as `version:ours`"}
-    )
-    constants: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "what holds for all rows, as stated"}
-    )
+    columns: dict[str, str] = described("its column for each of Evenlight's", factory=dict)
+    units: dict[str, str] = described("unit of a column, as stated", factory=dict)
+    values: dict[str, str] = described("its values for each of Evenlight's, as `version:ours`", factory=dict)
+    constants: dict[str, str] = described("what holds for all rows, as stated", factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SessionManifest:
     """What a session is: who, which task and design, on which display."""
 
@@ -85,29 +79,21 @@ class SessionManifest:
     task: str = described("experiment: ramp, rating, comparison, search, or a registered one")
     simulated: bool = described("true if a simulated observer answers")
     status: SessionStatus = described("how far the session got")
-    n_trials: int = quantity(
-        "1",
+    n_trials: int = count(
         "usable trials that the design asks for, or an imported file holds; practice and trials shown again "
-        "are not counted",
-        minimum=0,
+        "are not counted"
     )
     display: Display | None = described("display it ran on; null if unknown")
     design: Design | None = described("what was shown, and how; null if unknown")
     provenance: Provenance = described("how the file was made")
-    order_index: int = quantity(
-        "1",
-        "row of the counterbalanced order of blocks: the participant's place in the data set",
-        minimum=0,
-        default=0,
+    order_index: int = count(
+        "row of the counterbalanced order of blocks: the participant's place in the data set", default=0
     )
     rig: Rig | None = described("what it ran on; null from a simulation without a rig", default=None)
-    pages: dict[str, str] = field(
-        default_factory=dict,
-        metadata={"doc": "SHA-256 of each page of instructions, by its name; font: of a lab's own"},
+    pages: dict[str, str] = described(
+        "SHA-256 of each page of instructions, by its name; font: of a lab's own", factory=dict
     )
-    apparatus: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "what window, driver and keyboard say of themselves"}
-    )
+    apparatus: dict[str, str] = described("what window, driver and keyboard say of themselves", factory=dict)
     started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
     stimuli: tuple[Stimulus, ...] = described(
         "sequences of a viewing experiment, with their tracks", default=()
@@ -115,7 +101,6 @@ class SessionManifest:
     source: ImportSource | None = described("the file it was imported from; null if none", default=None)
 
     def __post_init__(self) -> None:
-        check_limits(self)
         known = TASKS.get(self.task)
         if known is not None and not isinstance(self.design, known.design | None):
             raise ValueError(
@@ -164,23 +149,17 @@ class EventKind(enum.Enum):
     TRIGGER_FAILED = "trigger_failed"  # a device took none, and gets no more in this session
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SessionEvent:
     """One event of a session, as one line of `events.jsonl`."""
 
     kind: EventKind = described("what happened")
     time: float = quantity("s", "since the session began", minimum=0.0)
     utc: str = described("when, UTC (ISO 8601); empty without a clock", default="")
-    trial_index: int | None = quantity("1", "trial in which it happened, if in one", minimum=0, default=None)
-    attempt: int | None = quantity("1", "attempt at that trial", minimum=1, default=None)
+    trial_index: int | None = count("trial in which it happened, if in one", default=None)
+    attempt: int | None = count("attempt at that trial", minimum=1, default=None)
     detail: str = described("more about it: the page's name, the torn line, the reason", default="")
     code: int | None = quantity("1", "what a trigger sent", minimum=1, maximum=255, default=None)
     delay: float | None = quantity(
-        "s",
-        "from a trigger's flip, at `time_s`, until all devices had taken it",
-        minimum=0.0,
-        default=None,
+        "s", "from a trigger's flip, at `time_s`, until all devices had taken it", minimum=0.0, default=None
     )
-
-    def __post_init__(self) -> None:
-        check_limits(self)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
 
 from evenlight.data_schema.display import HIGHEST_LUMINANCE, Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.session import SessionStatus
 
@@ -31,24 +30,19 @@ class ReadingStatus(enum.Enum):
     UNDER_RANGE = "under_range"  # darker than the instrument measures: no value
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LuminanceSweepDesign:
     """Which levels of a display are measured with a luminance meter, and how often."""
 
     name: str = described("name of the design", default="standard")
-    pixel_values: tuple[float, ...] = quantity(
-        "1",
+    pixel_values: tuple[float, ...] = share(
         "pixel values L' of a uniform screen at full brightness, with black and white among them",
-        minimum=0.0,
-        maximum=1.0,
         min_items=3,
         default=SIXTEENTHS,
     )
-    factors: tuple[float, ...] = quantity(
-        "1",
+    factors: tuple[float, ...] = share(
         "brightness factors b of the white screen; empty to measure pixel values only",
         above=0.0,
-        maximum=1.0,
         default=TENTHS,
     )
     repeats: int = quantity(
@@ -62,16 +56,10 @@ class LuminanceSweepDesign:
     warm_up_interval: float = quantity(
         "s", "time between two readings of the warm-up", above=0.0, default=60.0
     )
-    drift_pixel_values: tuple[float, ...] = quantity(
-        "1",
-        "pixel values that are measured again at the end, as often as the others",
-        minimum=0.0,
-        maximum=1.0,
-        default=(0.5, 1.0),
+    drift_pixel_values: tuple[float, ...] = share(
+        "pixel values that are measured again at the end, as often as the others", default=(0.5, 1.0)
     )
-    retries: int = quantity(
-        "1", "how often a reading that failed on its way is tried again", minimum=0, default=2
-    )
+    retries: int = count("how often a reading that failed on its way is tried again", default=2)
     reflected_luminance: float = quantity(
         "cd/m^2",
         "L_refl, read with the display off in the light of the sweep",
@@ -81,7 +69,6 @@ class LuminanceSweepDesign:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if not {0.0, 1.0} <= set(self.pixel_values):
             raise ValueError("pixel_values must hold 0 and 1: black and white are measured")
         if missing := set(self.drift_pixel_values) - set(self.pixel_values):
@@ -90,13 +77,13 @@ class LuminanceSweepDesign:
         _refuse_repeated("factors", self.factors)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PowerSweepDesign:
     """At which brightness factors the power of a panel is measured, and how long."""
 
     name: str = as_in(LuminanceSweepDesign, "name")
-    factors: tuple[float, ...] = quantity(
-        "1", "brightness factors b of the white screen", above=0.0, maximum=1.0, min_items=3, default=TENTHS
+    factors: tuple[float, ...] = share(
+        "brightness factors b of the white screen", above=0.0, min_items=3, default=TENTHS
     )
     repeats: int = quantity(
         "1",
@@ -109,12 +96,8 @@ class PowerSweepDesign:
     settle: float = quantity("s", "time from a change of factor to its reading", minimum=0.0, default=1.0)
     warm_up: float = as_in(LuminanceSweepDesign, "warm_up")
     warm_up_interval: float = as_in(LuminanceSweepDesign, "warm_up_interval")
-    drift_factors: tuple[float, ...] = quantity(
-        "1",
-        "factors that are measured again at the end, as often as the others",
-        above=0.0,
-        maximum=1.0,
-        default=(1.0,),
+    drift_factors: tuple[float, ...] = share(
+        "factors that are measured again at the end, as often as the others", above=0.0, default=(1.0,)
     )
     retries: int = as_in(LuminanceSweepDesign, "retries")
     reflected_luminance: float = quantity(
@@ -126,7 +109,6 @@ class PowerSweepDesign:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if missing := set(self.drift_factors) - set(self.factors):
             raise ValueError(f"drift_factors must be among factors, got {min(missing):g}")
         _refuse_repeated("factors", self.factors)
@@ -139,23 +121,19 @@ DESIGN_OF_SWEEP: dict[str, type[SweepDesign]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LuminanceReading:
     """One reading of a luminance sweep, as one line of `readings.jsonl`."""
 
-    index: int = quantity("1", "place in the sweep, from 0", minimum=0)
+    index: int = count("place in the sweep, from 0")
     phase: SweepPhase = described("what the reading is for")
-    repeat: int = quantity("1", "which reading of its level, from 1", minimum=1)
-    pixel_value: float = quantity("1", "L' that was shown, a code of the display", minimum=0.0, maximum=1.0)
-    factor: float | None = quantity(
-        "1",
+    repeat: int = count("which reading of its level, from 1", minimum=1)
+    pixel_value: float = share("L' that was shown, a code of the display")
+    factor: float | None = share(
         "brightness factor b that was asked for; null in the sweep of pixel values, at full brightness",
         above=0.0,
-        maximum=1.0,
     )
-    achieved_factor: float = quantity(
-        "1", "brightness factor that the device has taken", minimum=0.0, maximum=1.0
-    )
+    achieved_factor: float = share("brightness factor that the device has taken")
     luminance: float | None = quantity(
         "cd/m^2",
         "L as it was read, reflected light included; null if too dark for the meter",
@@ -172,18 +150,15 @@ class LuminanceReading:
     chromaticity_y: float | None = quantity(
         "1", "CIE 1931 y; null from a meter that does not measure it", default=None
     )
-    attempts: int = quantity("1", "tries that it took", minimum=1, default=1)
+    attempts: int = count("tries that it took", minimum=1, default=1)
     utc: str = described("when it ended, UTC (ISO 8601); empty without a clock", default="")
-    again_of: int | None = quantity(
-        "1",
+    again_of: int | None = count(
         "index of the reading that it repeats at once, because that contradicted those before it; null of a "
         "reading that the design asks for",
-        minimum=0,
         default=None,
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         _check_reading(self.luminance, self.status, self.begun, self.ended)
 
     @property
@@ -197,16 +172,14 @@ class LuminanceReading:
         return {"cd/m^2": self.luminance}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PowerReading:
     """One reading of a power sweep, as one line of `readings.jsonl`."""
 
     index: int = as_in(LuminanceReading, "index")
     phase: SweepPhase = described("what the reading is for")
     repeat: int = as_in(LuminanceReading, "repeat")
-    factor: float = quantity(
-        "1", "brightness factor b of the white screen that was asked for", above=0.0, maximum=1.0
-    )
+    factor: float = share("brightness factor b of the white screen that was asked for", above=0.0)
     achieved_factor: float = as_in(LuminanceReading, "achieved_factor")
     luminance: float | None = quantity(
         "cd/m^2",
@@ -220,9 +193,9 @@ class PowerReading:
     power: float = quantity("W", "time-weighted mean power")
     power_sd: float = quantity("W", "standard deviation of the samples", minimum=0.0)
     duration: float = quantity("s", "from the first to the last sample, on the meter's clock", minimum=0.0)
-    n_samples: int = quantity("1", "samples that came, by the meter's own count", minimum=1)
-    n_lost: int = quantity("1", "samples that did not come", minimum=0)
-    n_duplicated: int = quantity("1", "samples that came twice", minimum=0)
+    n_samples: int = count("samples that came, by the meter's own count", minimum=1)
+    n_lost: int = count("samples that did not come")
+    n_duplicated: int = count("samples that came twice")
     meter_status: str = as_in(LuminanceReading, "meter_status")
     begun: float = as_in(LuminanceReading, "begun")
     ended: float = as_in(LuminanceReading, "ended")
@@ -231,7 +204,6 @@ class PowerReading:
     again_of: int | None = as_in(LuminanceReading, "again_of")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         _check_reading(self.luminance, self.luminance_status, self.begun, self.ended)
 
     @property
@@ -246,7 +218,7 @@ class PowerReading:
         return {"W": self.power, **light}
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class SweepManifest:
     """What a sweep is: which design, of which display, with which instruments."""
 
@@ -254,7 +226,7 @@ class SweepManifest:
     task: str = described("luminance-sweep or power-sweep", pattern="^(luminance|power)-sweep$")
     simulated: bool = described("true if any instrument, or the display, is simulated")
     status: SessionStatus = described("how far the sweep got")
-    n_readings: int = quantity("1", "readings that the design asks for, the warm-up's included", minimum=0)
+    n_readings: int = count("readings that the design asks for, the warm-up's included")
     design: SweepDesign = described("what is measured")
     rig: Rig = described("what it ran on")
     display_name: str = described("what the display is called")
@@ -274,13 +246,10 @@ class SweepManifest:
         "the display as the rig's file has it; null if it has no file yet", default=None
     )
     measured_by: str = described("who measured, as a code", default="", pattern="^[0-9A-Za-z]*$")
-    apparatus: dict[str, str] = field(
-        default_factory=dict, metadata={"doc": "what instruments and window say of themselves"}
-    )
+    apparatus: dict[str, str] = described("what instruments and window say of themselves", factory=dict)
     started: str = described("when it began, UTC (ISO 8601); empty without a clock", default="")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         expected = DESIGN_OF_SWEEP[self.task]
         if not isinstance(self.design, expected):
             raise ValueError(
@@ -290,13 +259,11 @@ class SweepManifest:
 
 
 def _refuse_repeated(name: str, levels: tuple[float, ...]) -> None:
-    """Refuse levels that are there twice."""
     if len(set(levels)) < len(levels):
         raise ValueError(f"{name} must differ from each other; `repeats` says how often each is measured")
 
 
 def _check_reading(luminance: float | None, status: ReadingStatus | None, begun: float, ended: float) -> None:
-    """Refuse a reading that ends before it begins, or whose status says other than its value."""
     if ended < begun:
         raise ValueError(f"need begun <= ended, got {begun:g} and {ended:g} s")
     if (luminance is not None) != (status is ReadingStatus.OK):

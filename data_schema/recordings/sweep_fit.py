@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass
 
 from evenlight.data_schema.display import HIGHEST_GAMMA, HIGHEST_LUMINANCE, LOWEST_GAMMA
 from evenlight.data_schema.power_model import LARGEST
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 
 
 class SweepFlag(enum.Enum):
@@ -37,30 +36,25 @@ class LuminanceSource(enum.Enum):
     FACTOR = "factor"  # brightness factor times the display's peak luminance
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LuminanceLevel:
     """One measured level of a display: a row of `luminance_levels.csv` or `brightness.csv`."""
 
-    factor: float | None = quantity(
-        "1",
-        "brightness factor b that was asked for; empty for a pixel value at full brightness",
-        above=0.0,
-        maximum=1.0,
+    factor: float | None = share(
+        "brightness factor b that was asked for; empty for a pixel value at full brightness", above=0.0
     )
-    achieved_factor: float = quantity(
-        "1", "brightness factor that the device had taken", minimum=0.0, maximum=1.0
-    )
+    achieved_factor: float = share("brightness factor that the device had taken")
     luminance: float | None = quantity(
         "cd/m^2",
         "mean of the readings, reflected light included; empty if all were too dark for the meter",
         maximum=HIGHEST_LUMINANCE,
     )
-    pixel_value: float = quantity("1", "L' that was shown", minimum=0.0, maximum=1.0, default=1.0)
+    pixel_value: float = share("L' that was shown", default=1.0)
     luminance_sd: float | None = quantity(
         "cd/m^2", "standard deviation of the readings; empty for fewer than two", minimum=0.0, default=None
     )
-    n_readings: int = quantity("1", "readings with a value", minimum=0, default=1)
-    n_under_range: int = quantity("1", "readings too dark for the meter", minimum=0, default=0)
+    n_readings: int = count("readings with a value", default=1)
+    n_under_range: int = count("readings too dark for the meter", default=0)
     share: float | None = quantity(
         "1",
         "share of the light at full brightness and full pixel value, reflected light taken off",
@@ -73,15 +67,12 @@ class LuminanceLevel:
     )
     deviation: float | None = quantity("1", "measured luminance over model_luminance, less 1", default=None)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class PowerLevel:
     """One measured brightness factor of a panel: a row of `power_levels.csv`."""
 
-    factor: float = quantity("1", "brightness factor b that was asked for", above=0.0, maximum=1.0)
+    factor: float = share("brightness factor b that was asked for", above=0.0)
     achieved_factor: float = as_in(LuminanceLevel, "achieved_factor")
     luminance: float = quantity("cd/m^2", "mean of the readings, or factor times peak luminance")
     luminance_sd: float | None = quantity(
@@ -93,19 +84,16 @@ class PowerLevel:
     power_sd: float | None = quantity(
         "W", "standard deviation of the readings; empty for fewer than two", minimum=0.0
     )
-    n_readings: int = quantity("1", "readings that count", minimum=1)
+    n_readings: int = count("readings that count", minimum=1)
     model_power: float = quantity("W", "P(L) of the fitted line")
     residual: float = quantity("W", "measured less fitted power")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class SuspectReading:
     """A reading of a sweep that cannot be right together with the others."""
 
-    index: int = quantity("1", "its index among the readings", minimum=0)
+    index: int = count("its index among the readings")
     row: str = described("where it stands: the line of the readings, or of the table they were imported from")
     level: str = described("what was shown, in words")
     value: float | None = quantity("1", "what was read [cd/m^2, or W]; null if too dark for the meter")
@@ -118,11 +106,8 @@ class SuspectReading:
         "is out of order with its neighbours"
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class DisplayFit:
     """The display model fitted to a luminance sweep (Eq. 1), and how far it can be trusted.
 
@@ -151,9 +136,9 @@ class DisplayFit:
     reflected_luminance: float = quantity(
         "cd/m^2", "L_refl that was taken off, from the sweep's design", minimum=0.0
     )
-    n_readings: int = quantity("1", "readings of pixel values with a value", minimum=1)
-    n_levels: int = quantity("1", "pixel values among them", minimum=1)
-    n_under_range: int = quantity("1", "readings too dark for the meter", minimum=0)
+    n_readings: int = count("readings of pixel values with a value", minimum=1)
+    n_levels: int = count("pixel values among them", minimum=1)
+    n_under_range: int = count("readings too dark for the meter")
     noise_share: float = quantity(
         "1", "standard deviation of one reading, as a share of the luminance", minimum=0.0
     )
@@ -163,17 +148,15 @@ class DisplayFit:
         "F of the levels' deviations from the curve over the scatter of repeats; null without repeats",
         minimum=0.0,
     )
-    lack_of_fit_p: float | None = quantity(
-        "1", "probability of so large an F on a gamma display; null without repeats", minimum=0.0, maximum=1.0
+    lack_of_fit_p: float | None = share(
+        "probability of so large an F on a gamma display; null without repeats"
     )
     largest_deviation: float = quantity(
         "1",
         "deviation of a level from the curve, measured over fitted, less 1: the one that "
         "exceeds most what is tolerated",
     )
-    largest_deviation_pixel_value: float = quantity(
-        "1", "pixel value of that level", minimum=0.0, maximum=1.0
-    )
+    largest_deviation_pixel_value: float = share("pixel value of that level")
     is_gamma: bool = described("whether the gamma curve describes the readings that count")
     drift: float | None = quantity(
         "1", "luminance at the end over that in the sweep, less 1; null if nothing was repeated"
@@ -190,20 +173,17 @@ class DisplayFit:
         "largest deviation of luminance from proportion to the brightness factor, as a share; "
         "null if no factors were measured",
     )
-    brightness_deviation_factor: float | None = quantity(
-        "1", "brightness factor of that deviation", above=0.0, maximum=1.0
-    )
+    brightness_deviation_factor: float | None = share("brightness factor of that deviation", above=0.0)
     flags: tuple[SweepFlag, ...] = described("what to look at")
     provenance: Provenance = described("how the file was made")
     suspects: tuple[SuspectReading, ...] = described("readings that contradict the others", default=())
 
     def __post_init__(self) -> None:
-        check_limits(self)
         for name in ("gamma", "peak_luminance", "black_level"):
             _check_interval(name, getattr(self, name), getattr(self, f"{name}_interval"))
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class PowerFit:
     """The line P(L) fitted to a power sweep (Section 5 of the paper), and how far it can be trusted.
 
@@ -225,11 +205,11 @@ class PowerFit:
     peak_luminance: float = quantity("cd/m^2", "L at b = 1, without reflected light", above=0.0)
     reflected_luminance: float = as_in(DisplayFit, "reflected_luminance")
     n_readings: int = as_in(PowerLevel, "n_readings")
-    n_levels: int = quantity("1", "factors among them", minimum=1)
-    n_left_out: int = quantity("1", "readings left out for want of a luminance", minimum=0)
-    n_samples: int = quantity("1", "samples of the power meter in all readings that count", minimum=0)
-    n_lost: int = quantity("1", "samples that did not come", minimum=0)
-    n_duplicated: int = quantity("1", "samples that came twice", minimum=0)
+    n_levels: int = count("factors among them", minimum=1)
+    n_left_out: int = count("readings left out for want of a luminance")
+    n_samples: int = count("samples of the power meter in all readings that count")
+    n_lost: int = count("samples that did not come")
+    n_duplicated: int = count("samples that came twice")
     residual_sd: float = quantity("W", "standard deviation of the readings around the line", minimum=0.0)
     r_squared: float = quantity("1", "share of the readings' variance that the line explains", maximum=1.0)
     lack_of_fit_f: float | None = quantity(
@@ -237,17 +217,15 @@ class PowerFit:
         "F of the levels' deviations from the line over the scatter of repeats; null without repeats",
         minimum=0.0,
     )
-    lack_of_fit_p: float | None = quantity(
-        "1", "probability of so large an F on a linear panel; null without repeats", minimum=0.0, maximum=1.0
+    lack_of_fit_p: float | None = share(
+        "probability of so large an F on a linear panel; null without repeats"
     )
     bend: float = quantity(
         "1",
         "height of a quadratic over the middle of its chord, as a share of the power that "
         "brightness adds; below 0 if efficiency falls with luminance (LED droop)",
     )
-    bend_p: float | None = quantity(
-        "1", "probability of so clear a bend on a linear panel", minimum=0.0, maximum=1.0
-    )
+    bend_p: float | None = share("probability of so clear a bend on a linear panel")
     largest_deviation: float = quantity(
         "1", "largest deviation of a level from the line, as a share of its power"
     )
@@ -274,13 +252,11 @@ class PowerFit:
     suspects: tuple[SuspectReading, ...] = as_in(DisplayFit, "suspects")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         for name in ("base_power", "power_per_luminance"):
             _check_interval(name, getattr(self, name), getattr(self, f"{name}_interval"))
 
 
 def _check_interval(name: str, value: float, interval: tuple[float, float]) -> None:
-    """Refuse an interval without its value."""
     low, high = interval
     if not low <= value <= high:
         raise ValueError(f"need {name} within its interval, got {low:g}, {value:g}, {high:g}")

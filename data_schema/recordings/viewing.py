@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import enum
 import itertools
-from dataclasses import dataclass
 
-from evenlight.data_schema.quantities import as_in, check_limits, described, one_line, quantity
+from evenlight.data_schema.quantities import as_in, count, described, one_line, quantity, record, share
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response, Trial, TrialFlag
 
 NAME = "^[A-Za-z0-9][A-Za-z0-9_-]*$"
@@ -21,7 +20,7 @@ class Version(enum.Enum):
     BASELINE = "baseline"  # constantly, at the same mean power
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class Stimulus:
     """A sequence that a session shows in both versions, as its manifest has it."""
 
@@ -30,12 +29,10 @@ class Stimulus:
         "SHA-256 of the video file, or of scenes, path and rings of a search; empty if nothing is shown"
     )
     track_sha256: str = described("SHA-256 of track.csv")
-    frames: int = quantity("1", "frames of the video and of the track", minimum=1)
+    frames: int = count("frames of the video and of the track", minimum=1)
     duration: float = quantity("s", "duration of the video", above=0.0)
-    mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0, maximum=1.0)
-    baseline_factor: float = quantity(
-        "1", "constant brightness factor of the baseline", above=0.0, maximum=1.0
-    )
+    mean_factor: float = share("mean brightness factor of the track", above=0.0)
+    baseline_factor: float = share("constant brightness factor of the baseline", above=0.0)
     pixels_per_degree: float | None = quantity(
         "1/deg",
         "pixels of the video per degree of visual angle, in its middle, as it is shown; null if nothing is, "
@@ -44,52 +41,37 @@ class Stimulus:
         default=None,
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class RatingDesign:
     """Which sequences are rated, how often, in which order."""
 
     sequences: tuple[str, ...] = described(
         "names of the sequences, each shown in both versions", default=PAPER_SEQUENCES, pattern=NAME
     )
-    repetitions: int = quantity("1", "ratings of each version of each sequence", minimum=1, default=1)
+    repetitions: int = count("ratings of each version of each sequence", minimum=1, default=1)
     versions_together: bool = described(
         "true if the two versions of a sequence follow each other, as in the paper; else all are mixed",
         default=True,
     )
     adaptation_duration: float = quantity("s", "uniform field before each video", minimum=0.0, default=2.0)
-    practice_trials: int = quantity(
-        "1", "short excerpts before the session; left out of the analysis", minimum=0, default=2
-    )
+    practice_trials: int = count("short excerpts before the session; left out of the analysis", default=2)
     practice_duration: float = quantity("s", "duration of such an excerpt", above=0.0, default=10.0)
-    trials_between_breaks: int = quantity(
-        "1", "trials between two breaks; 0 for no breaks", minimum=0, default=4
-    )
+    trials_between_breaks: int = count("trials between two breaks; 0 for no breaks", default=4)
     minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
-    max_dropped_share: float = quantity(
-        "1",
-        "a trial with a larger share of dropped frames is flagged",
-        minimum=0.0,
-        maximum=1.0,
-        default=0.01,
-    )
+    max_dropped_share: float = share("a trial with a larger share of dropped frames is flagged", default=0.01)
     repeat_flagged: bool = as_in(RampDesign, "repeat_flagged")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         require_names(self.sequences, "sequences")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ComparisonDesign:
     """Which sequences are compared in their two versions, how often, in which order."""
 
     sequences: tuple[str, ...] = described("names of the sequences", default=PAPER_SEQUENCES, pattern=NAME)
-    repetitions: int = quantity(
-        "1",
+    repetitions: int = count(
         "comparisons of each sequence; in half of them the modulated version comes first",
         minimum=1,
         default=1,
@@ -97,19 +79,14 @@ class ComparisonDesign:
     adaptation_duration: float = quantity(
         "s", "uniform field before each of the two videos", minimum=0.0, default=2.0
     )
-    practice_trials: int = quantity(
-        "1", "short excerpts before the session; left out of the analysis", minimum=0, default=1
-    )
+    practice_trials: int = count("short excerpts before the session; left out of the analysis", default=1)
     practice_duration: float = as_in(RatingDesign, "practice_duration")
-    trials_between_breaks: int = quantity(
-        "1", "trials between two breaks; 0 for no breaks", minimum=0, default=2
-    )
+    trials_between_breaks: int = count("trials between two breaks; 0 for no breaks", default=2)
     minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
     max_dropped_share: float = as_in(RatingDesign, "max_dropped_share")
     repeat_flagged: bool = as_in(RampDesign, "repeat_flagged")
 
     def __post_init__(self) -> None:
-        check_limits(self)
         require_names(self.sequences, "sequences")
 
 
@@ -119,7 +96,7 @@ def require_names(names: tuple[str, ...], what: str) -> None:
         raise ValueError(f"{what} must name at least one, and none twice, got {len(names)} of them")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class RatingTrial(Trial):
     """One rated video, as one line of `trials.jsonl`."""
 
@@ -128,16 +105,14 @@ class RatingTrial(Trial):
     trial_index: int = as_in(RampTrial, "trial_index")
     sequence: str = described("what was shown", pattern=NAME)
     version: Version = described("how it was dimmed")
-    repetition: int = quantity("1", "which rating of this version, from 1", minimum=1)
+    repetition: int = count("which rating of this version, from 1", minimum=1)
     place_in_pair: int | None = quantity(
         "1",
         "1 if this version of the sequence was shown before the other, else 2; null if unknown",
         minimum=1,
         maximum=2,
     )
-    mean_factor: float | None = quantity(
-        "1", "mean brightness factor of what was shown; null if unknown", above=0.0, maximum=1.0
-    )
+    mean_factor: float | None = share("mean brightness factor of what was shown; null if unknown", above=0.0)
     rating: int = quantity(
         "1",
         "quality and saliency of details, 1 (low) to 5 (high)",
@@ -151,15 +126,12 @@ class RatingTrial(Trial):
     attempt: int = as_in(RampTrial, "attempt")
     onset: float | None = as_in(RampTrial, "onset")
     noise_seed: int | None = as_in(RampTrial, "noise_seed")
-    n_frames: int | None = quantity("1", "refreshes of the display", minimum=0, default=None)
-    frames_dropped: int | None = quantity("1", "refreshes without a new frame", minimum=0, default=None)
+    n_frames: int | None = count("refreshes of the display", default=None)
+    frames_dropped: int | None = count("refreshes without a new frame", default=None)
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class ComparisonTrial(Trial):
     """One comparison of the two versions of a sequence, as one line of `trials.jsonl`."""
 
@@ -167,15 +139,15 @@ class ComparisonTrial(Trial):
     session_id: str = as_in(RampTrial, "session_id")
     trial_index: int = as_in(RampTrial, "trial_index")
     sequence: str = as_in(RatingTrial, "sequence")
-    repetition: int = quantity("1", "which comparison of this sequence, from 1", minimum=1)
+    repetition: int = count("which comparison of this sequence, from 1", minimum=1)
     ours_interval: int | None = quantity(
         "1", "which of the two was the modulated version; null if unknown", minimum=1, maximum=2
     )
-    mean_factor: float | None = quantity(
-        "1", "mean brightness factor of the modulated version; null if unknown", above=0.0, maximum=1.0
+    mean_factor: float | None = share(
+        "mean brightness factor of the modulated version; null if unknown", above=0.0
     )
-    baseline_factor: float | None = quantity(
-        "1", "brightness factor of the constant version; null if unknown", above=0.0, maximum=1.0
+    baseline_factor: float | None = share(
+        "brightness factor of the constant version; null if unknown", above=0.0
     )
     response: Response | None = described(
         "which of the two showed a change in brightness: first, second; null if unknown"
@@ -196,7 +168,6 @@ class ComparisonTrial(Trial):
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.response not in (None, Response.FIRST, Response.SECOND):
             raise ValueError(f"response must be 'first' or 'second', got {self.response.value!r}")
         known = None not in (self.ours_interval, self.response)
@@ -220,7 +191,7 @@ class ComparisonTrial(Trial):
         return (self.response is Response.FIRST) == (self.ours_interval == 1)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class ClipLog:
     """What the display showed of a video in one interval of a trial, as one line of `frames.jsonl`."""
 
@@ -230,21 +201,15 @@ class ClipLog:
     flip_times: tuple[float, ...] = quantity(
         "s", "when each refresh appeared, since the first of the interval", minimum=0.0
     )
-    video_frames: tuple[int, ...] = quantity(
-        "1", "frame of the video that each refresh showed, from 0", minimum=0
-    )
-    factors: tuple[float, ...] = quantity(
-        "1", "brightness factor b that each refresh showed", above=0.0, maximum=1.0
-    )
+    video_frames: tuple[int, ...] = count("frame of the video that each refresh showed, from 0")
+    factors: tuple[float, ...] = share("brightness factor b that each refresh showed", above=0.0)
     backlight_factors: tuple[float, ...] = quantity(
         "1",
         "what the backlight reported for each refresh; empty if pixels make the brightness",
         minimum=0.0,
         default=(),
     )
-    probe_refreshes: tuple[int, ...] = quantity(
-        "1", "refreshes that were read back from the window", minimum=0, default=()
-    )
+    probe_refreshes: tuple[int, ...] = count("refreshes that were read back from the window", default=())
     probe_luminance: tuple[float, ...] = quantity(
         "cd/m^2",
         "mean luminance of their middle, up to 256 x 256 pixels of the video",
@@ -262,7 +227,6 @@ class ClipLog:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         n = len(self.flip_times)
         if len(self.video_frames) != n or len(self.factors) != n or len(self.backlight_factors) not in (0, n):
             raise ValueError(f"the lists of a clip log must be equally long, got {n} flip_times")

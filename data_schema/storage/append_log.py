@@ -92,7 +92,6 @@ def mend_last_line(path: Path) -> str | None:
 
 
 def _is_json(text: bytes) -> bool:
-    """Return whether some bytes are one whole JSON object."""
     try:
         return isinstance(json.loads(text), dict)
     except (ValueError, RecursionError):
@@ -169,7 +168,6 @@ class AppendedRows(AbstractContextManager["AppendedRows"]):
         self.close()
 
     def _write(self, text: str, *, to_disk: bool = True) -> None:
-        """Write some text whole, or nothing of it."""
         if self._handle is None:
             raise ValueError(f"{self._path} is closed")
         try:

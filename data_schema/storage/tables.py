@@ -12,12 +12,11 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError, shown
 from evenlight.data_schema.mapping import (
     keys_of,
     mapping_from_record,
     record_from_mapping,
-    shown,
     type_hints,
     unknown_key,
 )
@@ -94,7 +93,6 @@ def csv_rows(
 def _column_places(
     header: list[str], columns: Sequence[str], where: str, what: str, optional: Collection[str]
 ) -> list[int | None]:
-    """Return where each column is in a header, or raise `InputError` if they are not the same columns."""
     if not header:
         raise InputError(f"{where}is empty; expected {what} with the columns {','.join(columns)}")
     for name in header:
@@ -127,10 +125,7 @@ def read_rows(cls: type[Record], path: Path) -> list[Record]:
     record = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
     what = f"a {record} table"
     rows = csv_rows(path, columns_of(cls), what, optional=optional_columns(cls))
-    return [
-        record_from_mapping(cls, plain_cells(cls, cells, f"{path}, line {line}"), f"{path}, line {line}")
-        for line, cells in rows
-    ]
+    return [record_from_mapping(cls, plain_cells(cls, cells), f"{path}, line {line}") for line, cells in rows]
 
 
 def optional_columns(cls: type[Any]) -> frozenset[str]:
@@ -139,14 +134,14 @@ def optional_columns(cls: type[Any]) -> frozenset[str]:
     return frozenset(known) - frozenset(required)
 
 
-def plain_cells(cls: type[Any], cells: Sequence[str], where: str) -> dict[str, Any]:
+def plain_cells(cls: type[Any], cells: Sequence[str]) -> dict[str, Any]:
     """Return the cells of a row, in the order of a record's fields, as the plain values they stand for.
 
     An empty cell of a column with a default stands for that.
     """
     kinds, optional = type_hints(cls), optional_columns(cls)
     return {
-        file_key(field): plain_cell(kinds[field.name], text, f"{where}: {file_key(field)}")
+        file_key(field): plain_cell(kinds[field.name], text)
         for field, text in zip(dataclasses.fields(cls), cells, strict=True)
         if text or file_key(field) not in optional
     }
@@ -159,20 +154,20 @@ def number_in(text: str, where: str) -> float:
     raise InputError(f"{where}: expected a number, got {shown(text)}")
 
 
-def plain_cell(kind: Any, text: str, where: str) -> Any:
-    """Return a cell's text as the plain value of its column's type."""
+def plain_cell(kind: Any, text: str) -> Any:
+    """Return a cell as the plain value of its column's type; if it is none, its text: a record refuses that.
+
+    >>> plain_cell(int, "12"), plain_cell(int, "1_2"), plain_cell(float | None, "n/a")
+    (12, '1_2', None)
+    """
     if isinstance(kind, types.UnionType):
         if text in MISSING:
             return None
         kind = next(k for k in typing.get_args(kind) if k is not type(None))
-    if kind is float:
-        return number_in(text, where)
+    number = text.strip(" ") if kind in (int, float) else ""
+    if kind is float and _NUMBER.fullmatch(number):
+        return float(number)
+    if kind is int and _WHOLE_NUMBER.fullmatch(number):
+        return int(number)
     truths = {"True": True, "False": False, "true": True, "false": False}
-    if kind is bool and text in truths:
-        return truths[text]
-    if kind is int and _WHOLE_NUMBER.fullmatch(text.strip(" ")):
-        return int(text)
-    if kind in (bool, int):
-        expected = "a whole number" if kind is int else "true or false"
-        raise InputError(f"{where}: expected {expected}, got {shown(text)}")
-    return text
+    return truths.get(text, text) if kind is bool else text

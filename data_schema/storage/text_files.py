@@ -10,13 +10,12 @@ from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.mapping import Place, mapping_from_record, record_from_mapping
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.whole_files import write_whole
 
 Record = TypeVar("Record")
 DEEPEST = 50  # levels of lists and tables in each other; records have five
-Place = tuple[str | int, ...]  # keys and list indices, from the outermost in
 _JSON_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 _TOML_TABLE = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
 _TOML_KEY = re.compile(r"\s*([A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')\s*=")
@@ -87,7 +86,6 @@ class _NotANumberError(ValueError):
 
 
 def _refuse_constant(name: str) -> Any:
-    """Refuse what Python's JSON parser calls a constant."""
     raise _NotANumberError(name)
 
 
@@ -97,7 +95,6 @@ def _at(line: int | None, text: str) -> str:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object's keys and values, or refuse a key that is there twice."""
     content = dict(pairs)
     if len(content) < len(pairs):
         keys = [key for key, _ in pairs]
@@ -181,7 +178,6 @@ def write_toml_record(path: Path, record: Any) -> None:
 
 
 def _without_none(value: Any) -> Any:
-    """Return nested mappings without the keys whose value is None."""
     if isinstance(value, dict):
         return {k: _without_none(v) for k, v in value.items() if v is not None}
     return value

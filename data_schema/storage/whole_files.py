@@ -172,7 +172,6 @@ def whole_folder(folder: Path) -> Iterator[Path]:
 
 
 def _swap(fresh: Path, folder: Path, staging: Path) -> None:
-    """Put a folder in the place of another, which goes into the staging folder."""
     for tries in range(TRIES):  # another process may do the same at the same time
         earlier = Path(tempfile.mkdtemp(dir=staging, prefix=".replaced-")) / folder.name
         try:
@@ -292,7 +291,6 @@ def _remove_file(path: Path) -> None:
 
 
 def _make_folders(folder: Path, undo: list[Callable[[], object]]) -> None:
-    """Make a folder and those above it, and note how to undo it."""
     for part in reversed([folder, *folder.parents]):
         if not part.exists():
             undo.append(partial(_remove_folder, part))
@@ -346,5 +344,4 @@ def require_sealed(folder: Path, maker: str) -> None:
 
 
 def _seal_of(folder: Path) -> Path:
-    """Return the file that holds the seal of a folder."""
     return folder.with_name(folder.name + SEAL)

@@ -1,11 +1,13 @@
-"""The brightness track: one factor per frame, with what it does to contrast, luminance and power."""
+"""The brightness track: one factor per frame, with what it does to contrast, luminance and power.
+
+As it is kept, as it is exported for other programs, and sections of a video that weigh on it otherwise.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import enum
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,13 +18,15 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import (
     Array,
     array_shapes,
-    check_limits,
+    as_in,
     described,
     file_key,
     one_line,
     quantity,
     read_only,
+    record,
     rises,
+    share,
 )
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.recordings.rig import Actuator
@@ -44,7 +48,7 @@ class BudgetUnit(enum.Enum):
     WATT = "watt"  # mean power
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TrackHeader:
     """What a brightness track was made for, and how; the sidecar `track.json`."""
 
@@ -76,31 +80,23 @@ class TrackHeader:
         default=None,
     )
     actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
-    loss_added_by_pixels: float | None = quantity(
-        "1",
+    loss_added_by_pixels: float | None = share(
         "contrast loss that is added where pixels dim instead of the backlight that the track was made for: "
         "the largest in 16 or fewer sampled frames, so at least this in the video; null if not known",
-        minimum=0.0,
-        maximum=1.0,
         default=None,
     )
     display: Display | None = described(
         "the display that it was made for; null in tracks of earlier versions", default=None
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class BrightnessTrack:
     """A brightness factor for each of N frames; the columns of `track.csv`."""
 
     times: Array = quantity("s", "when the frame appears", key="time_s", shape=("N",))
-    factors: Array = quantity("1", "brightness factor b", above=0.0, maximum=1.0, key="factor", shape=("N",))
-    contrast_loss: Array = quantity(
-        "1", "contrast loss 𝓛_c of the dimmed frame", minimum=0.0, maximum=1.0, shape=("N",)
-    )
+    factors: Array = share("brightness factor b", above=0.0, key="factor", shape=("N",))
+    contrast_loss: Array = share("contrast loss 𝓛_c of the dimmed frame", shape=("N",))
     mean_luminance: Array = quantity(
         "cd/m^2",
         "mean luminance of the dimmed frame, reflected light included",
@@ -121,9 +117,6 @@ class BrightnessTrack:
     header: TrackHeader = described("what the track was made for, and how")
 
     def __post_init__(self) -> None:
-        for name in _ARRAYS:
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        check_limits(self)
         if len({len(getattr(self, name)) for name in _ARRAYS}) != 1 or len(self.times) == 0:
             raise ValueError("the columns of a track must be equally long and hold at least one frame")
         if not rises(self.times):
@@ -225,3 +218,91 @@ def require_light_of(track: BrightnessTrack, display: Display, path: Path) -> No
             f"{track.factors[k]:g}, at which white on {display.name!r} has {white[k]:.4g} cd/m^2; make the "
             "track again"
         )
+
+
+STEP = (
+    "step: a factor holds from the time of its frame until that of the next; "
+    "before the first frame the first holds, after the last the last"
+)
+
+
+@record
+class ExportedTrack:
+    """The brightness factors of a video over time, for any program: `evenlight track export --to json`."""
+
+    video: str = as_in(TrackHeader, "video")
+    video_sha256: str | None = described("SHA-256 of the video's file; null if it is not known")
+    version: str = described("dimmed by its track, or constantly at equal power", pattern="ours|constant")
+    display_name: str = as_in(TrackHeader, "display_name")
+    peak_luminance: float = as_in(Display, "peak_luminance")
+    gamma: float = as_in(Display, "gamma")
+    baseline: float = share("the constant factor at which the display takes equal power", above=0.0)
+    interpolation: str = described("which factor holds between the times", pattern="step: .*")
+    times: tuple[float, ...] = quantity(
+        "s", "when each frame appears, from the first frame on", min_items=1, key="times_s"
+    )
+    factors: tuple[float, ...] = share(
+        "brightness factor of each frame: of linear light; gamma-encoded values take factor^(1/gamma)",
+        above=0.0,
+        min_items=1,
+    )
+    provenance: Provenance = described("how the file was made")
+
+    def __post_init__(self) -> None:
+        if len(self.times) != len(self.factors):
+            raise ValueError(
+                f"times_s and factors must be equally long, got {len(self.times)} and {len(self.factors)}"
+            )
+        if any(later <= earlier for earlier, later in zip(self.times, self.times[1:], strict=False)):
+            raise ValueError("times_s must rise from frame to frame")
+
+
+LARGEST_WEIGHT = (
+    1e6  # weights or multiples of the rate limit: beyond, a section means "no other" or "no limit"
+)
+
+
+@record
+class WeightSection:
+    """How much the frames of a section count in the objective; a row of `*.weights.csv`."""
+
+    start: float = quantity(
+        "s", "where the section begins; a frame that appears then belongs to it", minimum=0.0, key="start_s"
+    )
+    end: float = quantity("s", "where it ends; a frame that appears then is outside", above=0.0, key="end_s")
+    weight: float = quantity(
+        "1",
+        "how much each of its frames counts; frames outside all sections have 1",
+        minimum=0.0,
+        maximum=LARGEST_WEIGHT,
+    )
+
+    def __post_init__(self) -> None:
+        _require_length(self.start, self.end)
+
+
+@record
+class AllowanceSection:
+    """How many times the fitted rate limit a section allows. A row of `*.allowances.csv`."""
+
+    start: float = quantity(
+        "s",
+        "where the section begins; the step to a frame that appears then belongs to it",
+        minimum=0.0,
+        key="start_s",
+    )
+    end: float = as_in(WeightSection, "end")
+    allowance: float = quantity(
+        "1",
+        "multiple of the rate limit: 0 holds brightness still, 1 allows what was fitted",
+        minimum=0.0,
+        maximum=LARGEST_WEIGHT,
+    )
+
+    def __post_init__(self) -> None:
+        _require_length(self.start, self.end)
+
+
+def _require_length(start: float, end: float) -> None:
+    if not start < end:
+        raise ValueError(f"need start_s < end_s, got {start:g} and {end:g}")

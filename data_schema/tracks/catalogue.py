@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import field
 
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -12,7 +12,7 @@ from evenlight.data_schema.tracks.optimization_summary import OptimizationSummar
 OWN = "empty: as the command says"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CatalogueEntry:
     """A video, and what is asked for it otherwise than for the others; a row of `*.catalogue.csv`.
 
@@ -40,43 +40,35 @@ class CatalogueEntry:
     fps: float | None = quantity(
         "Hz", f"of a folder of images or a built-in sequence; {OWN}", above=0.0, key="fps", default=None
     )
-    calm: float | None = quantity(
-        "1", f"share of the gain to give up; {OWN}", minimum=0.0, maximum=1.0, default=None
-    )
+    calm: float | None = share(f"share of the gain to give up; {OWN}", default=None)
     weights: str = described("file of scenes that count more or less (*.weights.csv)", default="")
     allowances: str = described("file of moments with another rate limit (*.allowances.csv)", default="")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class CatalogueRow:
     """What came of a video of a catalogue; a row of `catalogue.csv`. Cells of a failed one are empty."""
 
     name: str = described("folder of its results, beside the table")
     video: str = described("as the catalogue names it, without passwords")
-    frames: int | None = quantity("1", "number of frames", minimum=1, default=None)
+    frames: int | None = count("number of frames", minimum=1, default=None)
     duration: float | None = quantity("s", "duration of the video", above=0.0, default=None)
-    budget: float | None = quantity(
-        "1", "what it was to have, in budget_unit; its own share of a budget for all", above=0.0, default=None
-    )
+    budget: float | None = quantity("1", "what it was to have, in budget_unit", above=0.0, default=None)
     budget_unit: BudgetUnit | None = described("what the budget counts", default=None)
     achieved: float | None = quantity("1", "what its track has", above=0.0, default=None)
     objective: float | None = quantity(
-        "1", "mean absolute difference of contrast loss between two frames of the track", minimum=0.0,
+        "1",
+        "mean absolute difference of contrast loss between two frames of the track",
+        minimum=0.0,
         default=None,
-    )  # fmt: skip
+    )
     objective_baseline: float | None = quantity(
         "1", "the same for constant dimming at equal power", minimum=0.0, default=None
     )
     lower_bound: float | None = quantity(
         "1", "no track within the limits has a smaller objective", minimum=0.0, default=None
     )
-    gap: float | None = quantity(
-        "1", "share of the objective that a better track could gain at most", minimum=0.0, maximum=1.0,
-        default=None,
-    )  # fmt: skip
+    gap: float | None = share("share of the objective that a better track could gain at most", default=None)
     mean_contrast_loss: float | None = quantity(
         "1", "mean contrast loss of the track", minimum=0.0, default=None
     )
@@ -92,9 +84,6 @@ class CatalogueRow:
         "s", "time that it took, when it was made", minimum=0.0, key="seconds", default=None
     )
     error: str = described("why there is no result; empty where there is one", default="")
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
     @property
     def gain(self) -> float | None:
@@ -118,13 +107,23 @@ def row_of(name: str, video: str, summary: OptimizationSummary, seconds: float) 
 
 
 OF_SUMMARY = (
-    "frames", "duration", "budget", "budget_unit", "achieved", "objective", "objective_baseline",
-    "lower_bound", "mean_contrast_loss", "mean_contrast_loss_baseline", "max_rate_ratio", "mean_power",
+    "frames",
+    "duration",
+    "budget",
+    "budget_unit",
+    "achieved",
+    "objective",
+    "objective_baseline",
+    "lower_bound",
+    "mean_contrast_loss",
+    "mean_contrast_loss_baseline",
+    "max_rate_ratio",
+    "mean_power",
     "full_power",
-)  # fmt: skip
+)
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CatalogueError:
     """A video of a catalogue that failed; a row of `errors.csv`."""
 
@@ -132,11 +131,8 @@ class CatalogueError:
     video: str = as_in(CatalogueRow, "video")
     error: str = described("why there is no result")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class CatalogueResult:
     """What the results of a video were made of, by which a later run knows them: `catalogue.json`."""
 
@@ -150,6 +146,3 @@ class CatalogueResult:
         default=None,
     )
     files: tuple[str, ...] = field(default=(), metadata={"doc": "what was written beside this file"})
-
-    def __post_init__(self) -> None:
-        check_limits(self)

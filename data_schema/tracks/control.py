@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 ONLINE, LOOKAHEAD = "pid", "lookahead"  # the solvers of tracks that were not planned as a whole
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class LoopReport:
     """Gains of the controller, how far its loop is from ringing, and what it does with the content."""
 
@@ -36,30 +34,19 @@ class LoopReport:
     )
     sd_loss: float = quantity("1", "standard deviation of the loss over time", minimum=0.0)
     rms_error: float = quantity("1", "root mean square of loss - target over time", minimum=0.0)
-    share_limited: float = quantity(
-        "1",
-        "share of the time in which the rate limit or a bound held the factor back",
-        minimum=0.0,
-        maximum=1.0,
-    )
-
-    def __post_init__(self) -> None:
-        check_limits(self)
+    share_limited: float = share("share of the time in which the rate limit or a bound held the factor back")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class TuningReport:
     """Gains tuned on some content, with margins of stability; the file `tuning.json`."""
 
     video: str = described("name of the video that the gains were tuned on")
-    target_loss: float = quantity("1", "target c_r: contrast loss to hold", minimum=0.0, maximum=1.0)
+    target_loss: float = share("target c_r: contrast loss to hold")
     gain_rate: float = quantity("Hz", "frame rate that the gains are for", above=0.0)
     frame_rate: float = quantity("Hz", "frame rate of the video, which the margins are for", above=0.0)
-    quantile: float = quantity(
-        "1",
-        "quantile of the frames, by the steepest slope of their loss, that the margins are for",
-        minimum=0.0,
-        maximum=1.0,
+    quantile: float = share(
+        "quantile of the frames, by the steepest slope of their loss, that the margins are for"
     )
     slope: float = quantity("1", "slope of the loss at that quantile", above=0.0)
     steepest_slope: float = quantity("1", "steepest slope of any frame", minimum=0.0)
@@ -67,40 +54,17 @@ class TuningReport:
     least_phase_margin: float = quantity("deg", "least phase margin to be kept", minimum=0.0)
     before: LoopReport = described("the loop with the gains that were given")
     after: LoopReport = described("the loop with the gains that were found")
-    tries: int = quantity("1", "runs over the content that the search took", minimum=0)
+    tries: int = count("runs over the content that the search took")
     provenance: Provenance = described("how the file was made")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
-class TargetRow:
-    """A video under the controller with one target; a row of `target_sweep.csv`."""
-
-    target_loss: float = as_in(TuningReport, "target_loss")
-    mean_factor: float = quantity("1", "mean brightness factor over time", above=0.0, maximum=1.0)
-    mean_loss: float = quantity("1", "mean contrast loss over time", minimum=0.0, maximum=1.0)
-    sd_loss: float = as_in(LoopReport, "sd_loss")
-    sd_loss_constant: float = quantity("1", "the same, for constant dimming by mean_factor", minimum=0.0)
-    share_limited: float = as_in(LoopReport, "share_limited")
-    mean_power: float = quantity("W", "mean power over time", minimum=0.0)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
-
-
-@dataclass(frozen=True, slots=True)
+@record
 class ControlSummary:
     """How the online controller held the contrast loss of a video; the file `control.json`."""
 
     video: str = described("name of the video")
-    target_loss: float = quantity(
-        "1", "target c_r: contrast loss to hold, with a governor at the beginning", minimum=0.0, maximum=1.0
-    )
-    final_target_loss: float = quantity(
-        "1", "the target at the end; the same without a governor", minimum=0.0, maximum=1.0
-    )
+    target_loss: float = share("target c_r: contrast loss to hold, with a governor at the beginning")
+    final_target_loss: float = share("the target at the end; the same without a governor")
     proportional: float | None = quantity(
         "1", "proportional gain K_p; null, as are the others, with a lookahead, which has none", minimum=0.0
     )
@@ -109,12 +73,12 @@ class ControlSummary:
     gain_rate: float | None = quantity(
         "Hz", "frame rate that the gains are for; null: the video's, or no gains"
     )
-    start_factor: float = quantity("1", "brightness factor of the first frame", above=0.0, maximum=1.0)
-    mean_loss: float = as_in(TargetRow, "mean_loss")
+    start_factor: float = share("brightness factor of the first frame", above=0.0)
+    mean_loss: float = share("mean contrast loss over time")
     sd_loss: float = as_in(LoopReport, "sd_loss")
-    sd_loss_constant: float = as_in(TargetRow, "sd_loss_constant")
-    mean_factor: float = as_in(TargetRow, "mean_factor")
-    mean_power: float = as_in(TargetRow, "mean_power")
+    sd_loss_constant: float = quantity("1", "the same, for constant dimming by mean_factor", minimum=0.0)
+    mean_factor: float = share("mean brightness factor over time", above=0.0)
+    mean_power: float = quantity("W", "mean power over time", minimum=0.0)
     share_limited: float = as_in(LoopReport, "share_limited")
     provenance: Provenance = described("how the file was made")
     budget: float | None = quantity(
@@ -130,12 +94,8 @@ class ControlSummary:
         minimum=0.0,
         default=None,
     )
-    share_budget_held: float | None = quantity(
-        "1",
-        "share of the time in which a bound kept the governor from its budget",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    share_budget_held: float | None = share(
+        "share of the time in which a bound kept the governor from its budget", default=None
     )
     horizon_excess: float | None = quantity(
         "1",
@@ -156,32 +116,21 @@ class ControlSummary:
         default=None,
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class LiveRefresh:
     """A refresh of the display under the live controller; a row of `live_control.csv`."""
 
-    refresh: int = quantity("1", "number of the refresh, from 0 on", minimum=0)
+    refresh: int = count("number of the refresh, from 0 on")
     flip_time: float = quantity("s", "when it appeared, since the first", minimum=0.0)
-    factor: float = quantity("1", "brightness factor b that it was shown with", above=0.0, maximum=1.0)
-    contrast_loss: float | None = quantity(
-        "1",
-        "contrast loss that the controller knew last; empty before the first",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    factor: float = share("brightness factor b that it was shown with", above=0.0)
+    contrast_loss: float | None = share(
+        "contrast loss that the controller knew last; empty before the first", default=None
     )
-    measured_refresh: int | None = quantity(
-        "1", "refresh whose picture was measured for it", minimum=0, default=None
-    )
-    measured_factor: float | None = quantity(
-        "1",
+    measured_refresh: int | None = count("refresh whose picture was measured for it", default=None)
+    measured_factor: float | None = share(
         "brightness factor at which it was measured: the one due by the time of the answer",
         above=0.0,
-        maximum=1.0,
         default=None,
     )
     mean_luminance: float | None = quantity(
@@ -196,11 +145,8 @@ class LiveRefresh:
     rate_limit: float | None = quantity(
         "cd/m^2/s", "what that change may be at most, in either direction", minimum=0.0, default=None
     )
-    target_loss: float | None = quantity(
-        "1",
+    target_loss: float | None = share(
         "target c_r: contrast loss to hold, which a budget moves; empty before the first loss has set it",
-        minimum=0.0,
-        maximum=1.0,
         default=None,
     )
     power: float | None = quantity(
@@ -215,11 +161,8 @@ class LiveRefresh:
         default=None,
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class LiveControl:
     """What dimmed a walk; the file `live_control.json` beside the rows of its refreshes."""
 
@@ -228,12 +171,9 @@ class LiveControl:
         "display that it was shown on, at the pixels per degree that were drawn and measured"
     )
     simulated: bool = described("true if no person sat at the keys")
-    target_loss: float | None = quantity(
-        "1",
+    target_loss: float | None = share(
         "target c_r: contrast loss to hold, with a budget at the beginning; null if no loss "
-        "was measured to set it",
-        minimum=0.0,
-        maximum=1.0,
+        "was measured to set it"
     )
     proportional: float = as_in(LoopReport, "proportional")
     integral: float = as_in(LoopReport, "integral")
@@ -241,15 +181,13 @@ class LiveControl:
     gain_rate: float | None = quantity(
         "Hz", "frame rate that the gains are for; null: the display's", above=0.0
     )
-    lowest_factor: float = quantity("1", "lowest brightness factor", above=0.0, maximum=1.0)
-    highest_factor: float = quantity("1", "highest brightness factor", above=0.0, maximum=1.0)
+    lowest_factor: float = share("lowest brightness factor", above=0.0)
+    highest_factor: float = share("highest brightness factor", above=0.0)
     rate_limit: str = described("name of the rate limit")
     limit_curve: str = described("fitted, or safe: the lower edge of the limit's band")
     measured_by: str = described("what measured the loss")
-    mean_loss: float | None = quantity(
-        "1", "mean contrast loss over the time in which it was known", minimum=0.0, maximum=1.0
-    )
-    mean_factor: float | None = quantity("1", "mean brightness factor over time", minimum=0.0, maximum=1.0)
+    mean_loss: float | None = share("mean contrast loss over the time in which it was known")
+    mean_factor: float | None = share("mean brightness factor over time")
     provenance: Provenance = described("how the files were made")
     budget: float | None = as_in(ControlSummary, "budget")
     budget_unit: BudgetUnit | None = described("what the budget counts", default=None)
@@ -268,9 +206,7 @@ class LiveControl:
         minimum=0.0,
         default=None,
     )
-    final_target_loss: float | None = quantity(
-        "1", "target at the end", minimum=0.0, maximum=1.0, default=None
-    )
+    final_target_loss: float | None = share("target at the end", default=None)
     steered_horizon: float | None = quantity(
         "s",
         "horizon that the governor steered by: longer than the one asked for if that holds "
@@ -281,12 +217,8 @@ class LiveControl:
     achieved: float | None = quantity(
         "1", "mean over time, in budget_unit; null without a budget", minimum=0.0, default=None
     )
-    share_budget_held: float | None = quantity(
-        "1",
-        "share of the time in which a bound kept the factor from where the budget would have it",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    share_budget_held: float | None = share(
+        "share of the time in which a bound kept the factor from where the budget would have it", default=None
     )
     max_rate_ratio: float | None = quantity(
         "1",
@@ -295,6 +227,3 @@ class LiveControl:
         default=None,
     )
     wide_band_accepted: bool = as_in(OptimizationSummary, "wide_band_accepted")
-
-    def __post_init__(self) -> None:
-        check_limits(self)

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, described, quantity, record, share
 from evenlight.data_schema.tracks.brightness_track import TrackHeader
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MeasuredTrack:
     """What one measure says of a track and of constant dimming at equal power; a row of `judgement.csv`."""
 
@@ -19,13 +17,10 @@ class MeasuredTrack:
         "1", "mean absolute difference of loss between two frames of the track", minimum=0.0
     )
     spread_constant: float = quantity("1", "the same for constant dimming", minimum=0.0)
-    mean_loss: float = quantity("1", "mean loss of the track", minimum=0.0, maximum=1.0)
-    mean_loss_constant: float = quantity("1", "the same for constant dimming", minimum=0.0, maximum=1.0)
-    largest_loss: float = quantity("1", "largest loss of a frame of the track", minimum=0.0, maximum=1.0)
-    largest_loss_constant: float = quantity("1", "the same for constant dimming", minimum=0.0, maximum=1.0)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
+    mean_loss: float = share("mean loss of the track")
+    mean_loss_constant: float = share("the same for constant dimming")
+    largest_loss: float = share("largest loss of a frame of the track")
+    largest_loss_constant: float = share("the same for constant dimming")
 
     @property
     def gain(self) -> float | None:
@@ -33,7 +28,7 @@ class MeasuredTrack:
         return 1 - self.spread / self.spread_constant if self.spread_constant > 0 else None
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MeasureAgreement:
     """Whether two measures put the frames in one order at constant dimming; a row of `agreement.csv`."""
 
@@ -46,31 +41,26 @@ class MeasureAgreement:
         maximum=1.0,
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class ModulationStretch:
     """How visible ColorVideoVDP finds the movement of a track in a stretch of the video."""
 
     begin: float = quantity("s", "when its first frame appears", minimum=0.0)
     end: float = quantity("s", "when its last frame appears", minimum=0.0)
-    lowest_factor: float = quantity("1", "smallest brightness factor in it", above=0.0, maximum=1.0)
-    highest_factor: float = quantity("1", "largest brightness factor in it", above=0.0, maximum=1.0)
+    lowest_factor: float = share("smallest brightness factor in it", above=0.0)
+    highest_factor: float = share("largest brightness factor in it", above=0.0)
     jod: float = quantity(
-        "JOD", "quality beside the same stretch dimmed evenly to its mean factor; 10 for no difference",
+        "JOD",
+        "quality beside the same stretch dimmed evenly to its mean factor; 10 for no difference",
         maximum=10.0,
-    )  # fmt: skip
+    )
     jod_flicker: float = quantity(
         "JOD", "the same for that even dimming with 2 % of flicker at 5 Hz, for comparison", maximum=10.0
     )
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class Judgement:
     """What several measures of loss say of a track; `judgement.json`."""
 
@@ -87,6 +77,3 @@ class Judgement:
     modulation_note: str = described("how that was made, or why it is not there")
     provenance: Provenance = described("how the file was made")
     field_of_view: float | None = as_in(TrackHeader, "field_of_view")
-
-    def __post_init__(self) -> None:
-        check_limits(self)

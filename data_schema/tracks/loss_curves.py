@@ -8,9 +8,8 @@ import tokenize
 import zipfile
 import zlib
 from collections.abc import Iterable
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 from evenlight.data_schema.display import HIGHEST_LUMINANCE, Display
 from evenlight.data_schema.errors import InputError
@@ -20,19 +19,18 @@ from evenlight.data_schema.quantities import (
     Array,
     array_shapes,
     as_in,
-    check_limits,
     described,
     one_line,
     quantity,
-    read_only,
+    record,
     rises,
+    share,
 )
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import ACTUATOR, LUMINANCE_SLACK, TrackHeader
 
-OPTIONAL_ARRAYS = {"counted"}  # missing in files of earlier versions: every frame was counted whole
 LONGEST = 1e7  # [s] of a video: four months; sums of what is longer lose single frames
 FAINTEST = 1e-9  # share of white: of a frame as dark as that nothing is visible
 LARGEST_RISE = 0.01  # of loss with the factor; computed curves never rise, those by definition by rounding
@@ -41,27 +39,25 @@ UNREADABLE = (
     OSError, EOFError, ValueError, TypeError, OverflowError, MemoryError, RuntimeError, SyntaxError,
     tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
+FORMER_TOLERANCE = 0.001  # of losses that earlier versions counted in part, unless they were asked for more
 COMPUTED_ON = "what computed them: cpu, or gpu and its name"
-TOLERANCE = "largest error of contrast loss that was accepted for not counting all of every frame"
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class CurvesHeader:
     """What loss curves were made for, and how; the `header` of their npz file, in JSON."""
+
+    FORMER_KEYS: ClassVar = ("tolerance",)
 
     video: str = described("name of the video")
     display: Display = described("display that it is shown on")
     provenance: Provenance = described("how the file was made")
-    tolerance: float = quantity("1", TOLERANCE, minimum=0.0, default=0.0)
     computed_on: str = described(COMPUTED_ON, default="cpu")
     field_of_view: float | None = as_in(TrackHeader, "field_of_view")
     actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
 
-    def __post_init__(self) -> None:
-        check_limits(self)
 
-
-@dataclass(frozen=True, slots=True)
+@record
 class LossCurves:
     """The contrast-loss curves of N frames at K brightness factors."""
 
@@ -69,21 +65,10 @@ class LossCurves:
     display: Display = described("display that it is shown on; pixels_per_degree as used in the analysis")
     times: Array = quantity("s", "when each frame appears", minimum=-LONGEST, maximum=LONGEST, shape=("N",))
     durations: Array = quantity("s", "how long each frame is shown", above=0.0, maximum=LONGEST, shape=("N",))
-    factors: Array = quantity(
-        "1", "brightness factors b of the knots, rising to 1", above=0.0, maximum=1.0, shape=("K",)
-    )
-    loss: Array = quantity(
-        "1",
-        "contrast loss 𝓛_c of each frame at each factor; 0 at factor 1",
-        minimum=0.0,
-        maximum=1.0,
-        shape=("N", "K"),
-    )
-    visible_contrast: Array = quantity(
-        "1",
+    factors: Array = share("brightness factors b of the knots, rising to 1", above=0.0, shape=("K",))
+    loss: Array = share("contrast loss 𝓛_c of each frame at each factor; 0 at factor 1", shape=("N", "K"))
+    visible_contrast: Array = share(
         "visible contrast C_v of the undimmed frame; 0 if nothing is visible, then the loss is 0",
-        minimum=0.0,
-        maximum=1.0,
         shape=("N",),
     )
     mean_luminance: Array = quantity(
@@ -93,30 +78,13 @@ class LossCurves:
         maximum=HIGHEST_LUMINANCE,
         shape=("N",),
     )
-    channel_means: Array = quantity(
-        "1", "means of the linear red, green and blue channels", minimum=0.0, maximum=1.0, shape=("N", "3")
-    )
+    channel_means: Array = share("means of the linear red, green and blue channels", shape=("N", "3"))
     provenance: Provenance = described("how the file was made")
-    tolerance: float = as_in(CurvesHeader, "tolerance")
-    counted: Array = quantity(
-        "1",
-        "share of each frame's pixels, over all bands, that was counted (the rest was "
-        "interpolated between frames); 0 for a frame like the one before it, 1 if not given",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
-        shape=("N",),
-    )
     computed_on: str = as_in(CurvesHeader, "computed_on")
     field_of_view: float | None = as_in(CurvesHeader, "field_of_view")
     actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
 
     def __post_init__(self) -> None:
-        if self.counted is None:
-            object.__setattr__(self, "counted", [1.0] * len(self.times))
-        for name in ARRAY_SHAPES:
-            object.__setattr__(self, name, read_only(getattr(self, name)))
-        check_limits(self)
         n, k = len(self.times), len(self.factors)
         for name, axes in ARRAY_SHAPES.items():
             shape = tuple({"N": n, "K": k}.get(axis, 3) for axis in axes)
@@ -170,8 +138,8 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
     import numpy as np
 
     made_for = CurvesHeader(
-        curves.video, curves.display, curves.provenance, curves.tolerance, curves.computed_on,
-        curves.field_of_view, curves.actuator,
+        curves.video, curves.display, curves.provenance, curves.computed_on, curves.field_of_view,
+        curves.actuator,
     )  # fmt: skip
     header = mapping_from_record(made_for)
     stream = io.BytesIO()
@@ -187,9 +155,8 @@ def read_loss_curves(path: Path) -> LossCurves:
     try:
         curves = LossCurves(
             made_for.video, made_for.display, **arrays,
-            provenance=made_for.provenance, tolerance=made_for.tolerance, computed_on=made_for.computed_on,
-            field_of_view=made_for.field_of_view,
-            actuator=made_for.actuator,
+            provenance=made_for.provenance, computed_on=made_for.computed_on,
+            field_of_view=made_for.field_of_view, actuator=made_for.actuator,
         )  # fmt: skip
         require_possible_curves(curves)
     except (ValueError, TypeError) as error:
@@ -203,19 +170,22 @@ def read_curves_header(path: Path) -> CurvesHeader:
 
 
 def _npz_content(path: Path, names: Iterable[str]) -> tuple[CurvesHeader, dict[str, Any]]:
-    """Return the header and some arrays of an npz file of loss curves."""
     import numpy as np
 
     what = "loss curves (npz)"
     stream = open_input(path, what)
     try:
         with stream, np.load(stream, allow_pickle=False) as content:
-            held = {name for name in names if name in content or name not in OPTIONAL_ARRAYS}
             header = json.loads(str(content["header"]))
-            arrays = {name: content[name] for name in held}
+            arrays = {name: content[name] for name in names}
     except KeyError as error:
         raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
     except UNREADABLE as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None
+    if isinstance(header, dict) and header.get("tolerance", 0.0) > FORMER_TOLERANCE:
+        raise InputError(
+            f"{path}: an earlier version made these curves right to {header['tolerance']} alone; make them "
+            "anew with `evenlight optimize`"
+        )
     return record_from_mapping(CurvesHeader, header, f"{path}: header"), arrays

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import ClassVar
 
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.tracks.brightness_track import PROCEDURE, WIDE_BAND, BudgetUnit, TrackHeader
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class MinimizedOutcome:
     """What a track achieves of something that was minimized."""
 
@@ -27,20 +27,21 @@ class MinimizedOutcome:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.bound > self.value:
             raise ValueError(f"bound must be at most the value, got {self.bound:g} and {self.value:g}")
 
 
-@dataclass(frozen=True, slots=True)
+@record
 class OptimizationSummary:
     """What an optimization achieved; the keys of `summary.json`."""
+
+    FORMER_KEYS: ClassVar = ("curves_tolerance", "counted")
 
     video: str = as_in(TrackHeader, "video")
     display: str = described("name of the display")
     rate_limit: str = as_in(TrackHeader, "rate_limit")
     power_model: str = as_in(TrackHeader, "power_model")
-    frames: int = quantity("1", "number of frames", minimum=1)
+    frames: int = count("number of frames", minimum=1)
     duration: float = quantity("s", "duration of the video", above=0.0)
     budget: float = quantity(
         "1", "what was asked, in budget_unit; one of several clips has that of all", above=0.0
@@ -71,42 +72,29 @@ class OptimizationSummary:
         "curve of the rate limit that was obeyed: fitted or safe (the lower edge of its band)"
     )
     modulated: str = described("luminance that the rate limit was about: frame_mean or white_field")
-    lowest_factor: float = quantity("1", "lowest brightness factor allowed", above=0.0, maximum=1.0)
+    lowest_factor: float = share("lowest brightness factor allowed", above=0.0)
     pixels_per_degree: float = quantity("1", "pixels of the video per degree of the visual field", above=0.0)
     contrast_model: str = described("choices of the contrast model, by name or file")
     simulated: bool = described("true if the rate limit rests on simulated participants")
-    frames_without_contrast: int = quantity(
-        "1", "frames in which nothing is visible even undimmed; they have nothing to lose", minimum=0
+    frames_without_contrast: int = count(
+        "frames in which nothing is visible even undimmed; they have nothing to lose"
     )
     solver: str = described("which solver made the track")
-    iterations: int = quantity(
-        "1", "iterations of the solver; for one of several clips, those of all", minimum=0
-    )
-    calm: float = quantity(
-        "1", "share of the gain that may be given up, at most, for a calmer track", minimum=0.0, maximum=1.0
-    )
+    iterations: int = count("iterations of the solver; for one of several clips, those of all")
+    calm: float = share("share of the gain that may be given up, at most, for a calmer track")
     solve_s: float = quantity("s", "time that the optimizer took", minimum=0.0, key="solve_s")
     curves_s: float = quantity("s", "time that the loss curves took", minimum=0.0, key="curves_s")
     bound_s: float = quantity("s", "time that the lower bound took", minimum=0.0, key="bound_s")
-    seed: int | None = quantity("1", "seed of the random numbers; null where none were drawn", minimum=0)
+    seed: int | None = count("seed of the random numbers; null where none were drawn")
     versions: dict[str, str] = described(
         "versions of Evenlight and of the packages that the numbers depend on"
     )
     provenance: Provenance = described("how the file was made")
     rate_limit_procedure: Procedure | None = described(PROCEDURE, default=None)
-    curves_tolerance: float = quantity(
-        "1",
-        "error of the loss curves that was accepted for not counting all of every frame",
-        minimum=0.0,
-        default=0.0,
-    )
-    counted: float = quantity(
-        "1", "share of the pixels that was counted for the loss curves", minimum=0.0, maximum=1.0, default=1.0
-    )
     curves_computed_on: str = described(
         "what computed the loss curves: cpu, or gpu and its name", default="cpu"
     )
-    clips: int = quantity("1", "number of clips that share the budget", minimum=1, default=1)
+    clips: int = count("number of clips that share the budget", minimum=1, default=1)
     weighted: bool = described(
         "true if frames count differently in the objective, its baseline's and the bound", default=False
     )
@@ -131,19 +119,11 @@ class OptimizationSummary:
         above=0.0,
         default=1.0,
     )
-    share_at_limit: float | None = quantity(
-        "1",
-        "share of the time in which the rate is within 1 % of the limit; null in older files",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    share_at_limit: float | None = share(
+        "share of the time in which the rate is within 1 % of the limit; null in older files", default=None
     )
-    share_near_limit: float | None = quantity(
-        "1",
-        "share of the time in which the rate is above 0.9 of the limit; null in older files",
-        minimum=0.0,
-        maximum=1.0,
-        default=None,
+    share_near_limit: float | None = share(
+        "share of the time in which the rate is above 0.9 of the limit; null in older files", default=None
     )
     reversals_per_s: float | None = quantity(
         "1/s",
@@ -159,8 +139,8 @@ class OptimizationSummary:
         minimum=0.0,
         default=None,
     )
-    windows: int | None = quantity(
-        "1", "ramps of the calibration's duration that d′ is accumulated over", minimum=1, default=None
+    windows: int | None = count(
+        "ramps of the calibration's duration that d′ is accumulated over", minimum=1, default=None
     )
     windows_noticed: float | None = quantity(
         "1",
@@ -203,7 +183,6 @@ class OptimizationSummary:
     )
 
     def __post_init__(self) -> None:
-        check_limits(self)
         if self.lower_bound > self.objective:
             raise ValueError(
                 f"lower_bound must be at most the objective, got {self.lower_bound:g} and {self.objective:g}"

@@ -11,7 +11,7 @@ import typer
 
 from evenlight.experiments.playback.play_options import interrupted, with_options
 from evenlight.method.choices import LimitCurve
-from evenlight.option_panels import limits, output, words_and_files
+from evenlight.option_panels import expert, limits, words_and_files
 
 light_option = functools.partial(typer.Option, rich_help_panel="Backlight")
 player_option = functools.partial(typer.Option, rich_help_panel="Player")
@@ -53,29 +53,27 @@ class FollowOptions:
         str | None, limits(help="The rate limit that the track was made with, if it was a file.")
     ] = None
     limit_curve: Annotated[
-        LimitCurve, limits(help="The fitted rate limit, or the lower (safe) edge of its band.")
+        LimitCurve, expert(help="The fitted rate limit, or the lower (safe) edge of its band.")
     ] = LimitCurve.FITTED
     socket: Annotated[
         Path | None,
-        player_option(
-            help="Join an mpv that was started with this --input-ipc-server. Otherwise one is started."
-        ),
+        expert(help="Join an mpv that was started with this --input-ipc-server. Otherwise one is started."),
     ] = None
     player_arguments: Annotated[
         str | None,
-        player_option(metavar="OPTIONS", help="More options for mpv, quoted: '--fullscreen --start=1:30'."),
+        expert(metavar="OPTIONS", help="More options for mpv, quoted: '--fullscreen --start=1:30'."),
     ] = None
     wait: Annotated[
         bool,
-        player_option("--wait", help="Begin the film only when the backlight has reached the first factor."),
+        expert("--wait", help="Begin the film only when the backlight has reached the first factor."),
     ] = False
     other_video_ok: Annotated[
-        bool, player_option("--other-video-ok", help="Accept the same film in another encoding.")
+        bool, expert("--other-video-ok", help="Accept the same film in another encoding.")
     ] = False
     dry_run: Annotated[
         bool, light_option("--dry-run", help="Print what would be set, and touch no backlight.")
     ] = False
-    log: Annotated[Path | None, output(help="Table (.csv) of every setting and its delay.")] = None
+    log: Annotated[Path | None, expert(help="Table (.csv) of every setting and its delay.")] = None
     quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is done.")] = False
 
 

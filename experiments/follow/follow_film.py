@@ -29,8 +29,8 @@ from evenlight.hardware.protocols import Backlight
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 from evenlight.stimuli.dimmed.matched_track import match_track
-from evenlight.stimuli.video.remote_file import is_url
 from evenlight.stimuli.video.video_file import open_video_file
+from evenlight.stimuli.video.video_locations import is_url
 
 COARSE = 0.01  # step of a backlight at the film's lowest factor, as a share of that, that is worth a note
 

@@ -222,11 +222,11 @@ class GpuMeter(_LightMeter):
 
     def begin(self, factor: float) -> bool:
         """Begin with the texture of codes."""
-        from evenlight.method.gpu.pyramid import FrameTexture, TextureContent
+        from evenlight.method.gpu.pyramid import FrameTexture
 
         if self._under_way:
             return False
-        frame = FrameTexture(self._pictures.codes, TextureContent.LEVELS, CODES, from_below=True)
+        frame = FrameTexture(self._pictures.codes, CODES, from_below=True)
         with graphics.own(self._context):
             self._loss.start(frame, factor)
         self._under_way = True

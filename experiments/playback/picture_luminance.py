@@ -12,8 +12,8 @@ from evenlight.data_schema.display import Display
 from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.scenes.engine import graphics
-from evenlight.stimuli.scenes.engine.graphics import WHOLE_VERTEX
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer, set_uniforms
+from evenlight.stimuli.shaders import over_all
 
 if TYPE_CHECKING:
     import moderngl
@@ -58,8 +58,7 @@ class PictureLuminance:
         blocks = -(-width // BLOCK), -(-height // BLOCK)
         with graphics.own(context):
             self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
-            program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=SUM_FRAGMENT)
-            self._adder = context.vertex_array(program, [])
+            self._adder = over_all(context, SUM_FRAGMENT)
             set_uniforms(self._adder, codes=0, gamma=display.gamma)
         self._means: Array = np.zeros(3)
 

@@ -5,6 +5,7 @@ A field is an option: its name, type, default and help are those of the command 
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import enum
 import functools
@@ -13,21 +14,23 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, get_type_hints
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve
-from evenlight.option_panels import output, viewing
+from evenlight.option_panels import asked, expert, output, viewing
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
+Returned = TypeVar("Returned")
 _video = functools.partial(typer.Option, rich_help_panel="A video with its track")
 _power = functools.partial(typer.Option, rich_help_panel="Measured power, with --measure-power")
 _walk = functools.partial(typer.Option, rich_help_panel="A walk through a scene, with --walk")
 _headset = functools.partial(typer.Option, rich_help_panel="In a headset")
-_live = functools.partial(typer.Option, rich_help_panel="A walk dimmed live, with --target-loss or --budget")
+LIVE_PANEL = "A walk dimmed live, with --target-loss or --budget"
+_live = functools.partial(typer.Option, rich_help_panel=LIVE_PANEL)
 
 
 class PlayedVersion(enum.Enum):
@@ -76,21 +79,21 @@ class ScreenOptions:
         viewing(help="The display: a preset or a toml file. Otherwise that of the rig, or of the track."),
     ] = None
     other_display_ok: Annotated[
-        bool, viewing("--other-display-ok", help="Accept a track that was made for another display.")
+        bool, expert("--other-display-ok", help="Accept a track that was made for another display.")
     ] = False
     other_geometry_ok: Annotated[
         bool,
-        viewing("--other-geometry-ok", help="Accept a track made for another visual angle of the video."),
+        expert("--other-geometry-ok", help="Accept a track made for another visual angle of the video."),
     ] = False
     size: Annotated[
         str | None,
         viewing(metavar="WxH", help="Size of a built-in sequence or scene in pixels, such as 640x360."),
     ] = None
-    screenshots: Annotated[Path | None, output(metavar="DIR", help="Folder for a picture of the screen.")] = (
+    screenshots: Annotated[Path | None, expert(metavar="DIR", help="Folder for a picture of the screen.")] = (
         None
     )
     simulate: Annotated[
-        bool, viewing("--simulate", help="Rehearse, as fast as it goes: the clock counts the refreshes.")
+        bool, expert("--simulate", help="Rehearse, as fast as it goes: the clock counts the refreshes.")
     ] = False
     power_model: Annotated[
         str | None, _power(help="Power model to compare with; with --walk --budget the model that counts.")
@@ -101,7 +104,7 @@ class ScreenOptions:
     ] = None
     old_calibration_ok: Annotated[
         bool,
-        viewing(
+        expert(
             "--old-calibration-ok", help="Accept a display that was measured longer ago than the rig allows."
         ),
     ] = False
@@ -124,7 +127,7 @@ class VideoOptions:
     label: Annotated[bool, _video("--label", help="Write on the picture how it is dimmed.")] = False
     log: Annotated[
         Path | None,
-        output(help="Table of every frame's time and factor, and drops (walks too): .csv or .jsonl."),
+        expert(help="Table of every frame's time and factor, and drops (walks too): .csv or .jsonl."),
     ] = None
 
 
@@ -166,11 +169,11 @@ class PowerOptions:
         ),
     ] = False
     passes: Annotated[
-        int | None, _power(help="How often each version is played.", min=1, show_default="3")
+        int | None, expert(help="How often each version is played.", min=1, show_default="3")
     ] = None
     sample_rate_hz: Annotated[
         float | None,
-        _power(
+        expert(
             metavar="HZ",
             help="Samples of the power meter per second.",
             min=0.1,
@@ -179,7 +182,7 @@ class PowerOptions:
         ),
     ] = None
     sync_patch: Annotated[
-        bool, _power("--sync-patch", help="Show a corner that changes with every frame, for a photodiode.")
+        bool, expert("--sync-patch", help="Show a corner that changes with every frame, for a photodiode.")
     ] = False
 
 
@@ -198,7 +201,7 @@ class WalkOptions:
         _walk(metavar="FACTOR", help="Brightness factor to begin with.", show_default="1, or by --budget"),
     ] = None
     record: Annotated[
-        Path | None, _walk(help="File (.json) for the way walked: a path for `evenlight render`.")
+        Path | None, expert(help="File (.json) for the way walked: a path for `evenlight render`.")
     ] = None
     seconds: Annotated[float | None, _walk(help="End the walk after this time.")] = None
     field_of_view: Annotated[
@@ -210,31 +213,38 @@ class WalkOptions:
     ] = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LiveOptions:
-    """The online controller that dims a walk."""
+@dataclass(frozen=True, kw_only=True)
+class AimOptions:
+    """What the online controller aims at, of `play` and of `control`."""
 
     target_loss: Annotated[
         float | None,
-        _live(
+        asked(
             help="Share of visible contrast that each frame may lose, 0 to 1; with --budget only to begin "
             "with."
         ),
     ] = None
     budget: Annotated[
-        float | None, _live(help="Budget to meet on average, in --budget-unit; the target follows it.")
+        float | None, asked(help="Budget to meet on average, in --budget-unit; the target loss follows it.")
     ] = None
     budget_unit: Annotated[
         BudgetUnit | None,
-        _live(
+        asked(
             help="What --budget counts: the mean brightness factor, the share of the power at full "
             "brightness, or watts.",
             show_default="factor",
         ),
     ] = None
     horizon: Annotated[
-        float | None, _live(help="Time over which the mean is to meet the budget.", show_default="60")
+        float | None, asked(help="Time over which the mean is to meet the budget.", show_default="60")
     ] = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveOptions(AimOptions):
+    """The online controller that dims a walk."""
+
+    PANEL = LIVE_PANEL  # of what it aims at, too
     rate_limit: Annotated[
         str | None,
         _live(
@@ -243,17 +253,15 @@ class LiveOptions:
         ),
     ] = None
     device: Annotated[
-        Device | None, _live(help="What computes the loss. Otherwise what is fastest here.")
+        Device | None, expert(help="What computes the loss. Otherwise what is fastest here.")
     ] = None
     limit_curve: Annotated[
-        LimitCurve | None, _live(help="The fitted rate limit, or the lower (safe) edge of its band.")
+        LimitCurve | None, expert(help="The fitted rate limit, or the lower (safe) edge of its band.")
     ] = None
     accept_wide_band: Annotated[
-        bool, _live("--accept-wide-band", help="Use a rate limit even if it is known too imprecisely.")
+        bool, expert("--accept-wide-band", help="Use a rate limit even if it is known too imprecisely.")
     ] = False
-    tuning: Annotated[
-        Path | None, _live(help="Gains of the controller: tuning.json of `evenlight control --tune`.")
-    ] = None
+    tuning: Annotated[Path | None, expert(help="Gains of the controller: a tuning.json.")] = None
 
     @property
     def dims(self) -> bool:
@@ -285,7 +293,17 @@ def refuse(because: str, options: object, *names: str) -> None:
             raise InputError(because.format("TRACK" if name == "track" else f"--{name.replace('_', '-')}"))
 
 
-def with_options(command: Callable[..., None], *groups: type[Any]) -> Callable[..., None]:
+def _in_panel(kind: Any, group: type[Any], name: str) -> Any:
+    """Return the option of a field, in the panel of its group where another record declares it."""
+    if not hasattr(group, "PANEL") or name in group.__annotations__:
+        return kind
+    of, option = get_args(kind)
+    option = copy.copy(option)
+    option.rich_help_panel = group.PANEL
+    return Annotated[of, option]
+
+
+def with_options(command: Callable[..., Returned], *groups: type[Any]) -> Callable[..., Returned]:
     """Return a command that takes records of options as one that takes their fields, as Typer wants it.
 
     Parameters
@@ -302,15 +320,17 @@ def with_options(command: Callable[..., None], *groups: type[Any]) -> Callable[.
             field.name,
             inspect.Parameter.KEYWORD_ONLY,
             default=empty if field.default is dataclasses.MISSING else field.default,
-            annotation=kinds[field.name],
+            annotation=_in_panel(kinds[field.name], group, field.name),
         )
         for group, kinds in zip(groups, hints, strict=True)
         for field in dataclasses.fields(group)
     ]
 
     @functools.wraps(command)
-    def flat(**given: Any) -> None:
-        command(*(group(**{name: given[name] for name in group.__dataclass_fields__}) for group in groups))
+    def flat(**given: Any) -> Returned:
+        return command(
+            *(group(**{name: given[name] for name in group.__dataclass_fields__}) for group in groups)
+        )
 
     flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] # inspect looks for it
     flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}

@@ -46,8 +46,8 @@ from evenlight.stimuli.dimmed.matched_track import display_of
 from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
-from evenlight.stimuli.video.remote_file import is_url, local_name, shown_name
 from evenlight.stimuli.video.track_fit import require_fit
+from evenlight.stimuli.video.video_locations import is_url, local_name, shown_name
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
 SMALLEST_WINDOW = 64  # [pixels]

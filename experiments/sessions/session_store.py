@@ -26,7 +26,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     TRIALS,
     session_folder,
 )
-from evenlight.data_schema.recordings.dataset_writing import export_behaviour
+from evenlight.data_schema.recordings.dataset_writing import export_behaviour, held_lock
 from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.session import (
     TASKS,
@@ -36,7 +36,6 @@ from evenlight.data_schema.recordings.session import (
     SessionStatus,
 )
 from evenlight.data_schema.storage.append_log import AppendLog, mend_last_line, sync_folder
-from evenlight.data_schema.storage.locks import held_lock
 from evenlight.data_schema.storage.text_files import (
     parse_json,
     read_json_record,

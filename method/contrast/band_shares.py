@@ -91,7 +91,6 @@ class BandShares:
     def _by_contrast(
         self, responses: list[Response], levels: tuple[Any, Any, Any], tables: tuple[ContrastTables, Masking]
     ) -> Array:
-        """Return what the pixels of a band count, of a histogram of contrast at each reference factor."""
         to_contrast, masking = tables
         visible = np.empty(len(self._log_factors))
         for response in responses:
@@ -102,7 +101,6 @@ class BandShares:
         return visible
 
     def _factor_tables(self, band: BandTable) -> FactorTables:
-        """Return what the compiled loops need to find critical factors, but for the counts."""
         return FactorTables(
             log_luminance=band.log_luminance,
             log_faintest=np.float32(band.log_sensitivity_range[0]),

@@ -1,7 +1,6 @@
 """What is known of a video whose analysis was interrupted, so that another can go on there.
 
-A frame's curve depends on the stretch of frames that it lies in (`contrast.frame_losses`), and on nothing
-before that: an analysis that goes on where a stretch begins gives the same numbers, bit for bit.
+A frame's curve depends on no other frame: an analysis that goes on gives the same numbers, bit for bit.
 """
 
 from __future__ import annotations
@@ -14,7 +13,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from evenlight.data_schema.arrays import Array
-from evenlight.method.contrast.frame_losses import LONGEST_STRETCH
 
 MINUTE = 60.0  # [s] of a video, from one checkpoint to the next
 
@@ -27,8 +25,8 @@ class AnalysedFrames:
     ----------
     times, durations, shown : array (n,)
         When each frame appears and for how long [s], and the number of its content in the video.
-    rows : array (contents, 6 + K)
-        Of each content: visible contrast, mean luminance, means of three channels, share counted, losses.
+    rows : array (contents, 5 + K)
+        Of each content: visible contrast, mean luminance, means of three channels, losses.
     floor : array (n, K) or None
         What the pixels' floor adds to the loss of each frame, where pixels dim.
     """
@@ -55,13 +53,10 @@ class Checkpoints:
         Takes the frames since the checkpoint before.
     begun : AnalysedFrames or None
         Those of the video's beginning that another analysis kept; the frames that follow are given.
-    interval : float
-        From one checkpoint to the next, in the video [s].
     """
 
     keep: Callable[[AnalysedFrames], None]
     begun: AnalysedFrames | None = None
-    interval: float = MINUTE
     _frames: int = field(default=0, init=False)  # kept by now
     _contents: int = field(default=0, init=False)
 
@@ -70,7 +65,7 @@ class Checkpoints:
             self._frames, self._contents = self.begun.n_frames, len(self.begun.rows)
 
     def at(self, numbers: array[float], width: int, frames: tuple[Sequence[float], ...]) -> None:
-        """Keep what is complete, if another analysis can go on there and a minute has passed.
+        """Keep what is complete, if a minute has passed.
 
         Parameters
         ----------
@@ -83,10 +78,10 @@ class Checkpoints:
         """
         times, durations, shown = frames
         contents = len(numbers) // width
-        if contents % LONGEST_STRETCH or shown[-1] < contents:
+        if shown[-1] < contents:  # more frames may show the last of them
             return
         end = bisect_left(shown, contents)  # the frame in which the next content appears
-        if times[end] - times[self._frames] < self.interval:
+        if times[end] - times[self._frames] < MINUTE:
             return
         part = slice(self._frames, end)
         rows = np.array(numbers[self._contents * width :]).reshape(-1, width)

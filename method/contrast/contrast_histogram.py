@@ -104,7 +104,6 @@ class SeenContrast:
         return self._responses[few]
 
     def _response(self, served: slice, resolution: Resolution) -> Response:
-        """Return the response in the middle of some knots."""
         (low, high), (_, cells, lights) = self._band.log_luminance_range, resolution
         log_reference = float(np.mean(self._log_factors[[served.start, served.stop - 1]]))
         n_lights = int(np.ceil((high - low + self._log_factors[0]) * lights)) + 1
@@ -132,7 +131,6 @@ class SeenContrast:
         )
 
     def _log_s(self, log_e: Array) -> Array:
-        """Return log s of the table, at luminances that are emitted."""
         table = self._band.log_sensitivity
         return np.interp(log_e, np.linspace(*self._band.log_luminance_range, len(table)), table)
 

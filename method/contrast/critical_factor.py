@@ -130,7 +130,6 @@ def band_table(
 
 
 def _faintest(model: ContrastModel) -> float:
-    """Return log2 of the least contrast that counts, in units of its threshold."""
     return FAINTEST_DETECTED if model.visibility is Visibility.SOFT else 0.0
 
 
@@ -163,7 +162,6 @@ def tables_hold(display: Display, model: ContrastModel) -> bool:
 
 
 def _inverse(log_s: NDArray[np.float64], log_e: NDArray[np.float64], steps: int) -> Table:
-    """Return log2 e at equal steps of log2 s."""
     return np.interp(np.linspace(log_s[0], log_s[-1], steps), log_s, log_e).astype(np.float32)
 
 

@@ -81,7 +81,6 @@ def contrast_sensitivity(
 def _sensitivity(
     f: NDArray[np.float64], L: NDArray[np.float64], model: SensitivityModel, field_size: float
 ) -> NDArray[np.float64]:
-    """Return S of the chosen function."""
     if model is SensitivityModel.SIMPLIFIED:
         return _simplified(f, L, field_size)
     if model is SensitivityModel.CASTLE:

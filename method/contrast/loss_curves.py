@@ -2,7 +2,7 @@
 
 Decision (docs/decisions/one-pass-curves.md): each pixel has one critical brightness factor
 (`contrast.critical_factor`), and the share of pixels whose factor is below b is the visible contrast at b,
-for all b. `loss_curves_by_definition` dims and compares instead: the fast form is measured against it.
+for all b. The definition, `contrast.contrast_loss`, dims and compares instead; it is the oracle of this form.
 `analyze_frames` is what a program calls; `make_frame_analysis` chooses between the processor and the graphics
 processor (docs/decisions/gpu.md).
 """
@@ -24,12 +24,15 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame, LumaChroma, Pixels, same_pixels
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort, Device
+from evenlight.method.choices import ONE_CORE, AnalysisEffort, Device
 from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
-from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
-from evenlight.method.contrast.frame_analysis import FrameAnalysis, FrameAnalyzer, FrameLoss, SpareArrays
-from evenlight.method.contrast.frame_losses import frame_losses
-from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.method.contrast.frame_analysis import (
+    FrameAnalysis,
+    FrameAnalyzer,
+    FrameLoss,
+    SpareArrays,
+    frame_losses,
+)
 from evenlight.method.gpu.context import is_software
 
 SMALLEST_SIDE = 8  # [pixels] leaves two bands with their adaptation luminance
@@ -60,13 +63,12 @@ def analyze_frames(
     model: ContrastModel = DEFAULT_MODEL,
     factors: ArrayLike | None = None,
     provenance: Provenance | None = None,
-    effort: AnalysisEffort = FULL_ANALYSIS,
+    effort: AnalysisEffort = ONE_CORE,
     checkpoints: Checkpoints | None = None,
 ) -> LossCurves:
     """Return the contrast-loss curves of a video, few frames in memory at a time.
 
-    A frame equal to the one before it is not analysed again. Mean luminance and channel means are those of
-    every frame, whatever the effort.
+    A frame equal to the one before it is not analysed again.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ def analyze_frames(
     provenance : Provenance, optional
         Otherwise made here.
     effort : AnalysisEffort
-        How much is counted, and where.
+        Where frames are analysed, and how many at a time.
     checkpoints : Checkpoints, optional
         Gets what is done, a minute at a time; with frames that were analysed before, `frames` are the rest.
     """
@@ -96,15 +98,12 @@ def analyze_frames(
         raise InputError(f"{video}: holds no frame; at least one is needed")
     chosen = make_frame_analysis(first.shape[:2], display, model, knots, effort.device)
     rows = _gathered(
-        frame_losses(chosen.analysis, itertools.chain([first], contents), effort, timeline.spare),
+        frame_losses(chosen.analysis, itertools.chain([first], contents), effort.threads, timeline.spare),
         timeline,
         checkpoints,
     )
-    shown = np.array(timeline.shown)
-    again = np.concatenate([[False], np.diff(shown) == 0])
-    if again.any():
-        rows = rows[shown]
-        rows[again, _COUNTED] = 0.0
+    if timeline.shown[-1] + 1 < len(timeline.shown):
+        rows = rows[timeline.shown]
     return LossCurves(
         video=video,
         display=display,
@@ -114,16 +113,13 @@ def analyze_frames(
         loss=rows[:, _BESIDE:],
         visible_contrast=rows[:, 0],
         mean_luminance=rows[:, 1],
-        channel_means=rows[:, 2:_COUNTED],
+        channel_means=rows[:, 2:_BESIDE],
         provenance=provenance or provenance_now(),
-        tolerance=effort.tolerance,
-        counted=rows[:, _COUNTED],
         computed_on=chosen.name,
     )
 
 
-_COUNTED = 5  # column of a row, after contrast, luminance and three channels
-_BESIDE = 6  # columns before the loss
+_BESIDE = 5  # columns before the loss: contrast, luminance and three channels
 
 
 def _gathered(results: Iterable[FrameLoss], timeline: _Timeline, checkpoints: Checkpoints | None) -> Array:
@@ -132,7 +128,7 @@ def _gathered(results: Iterable[FrameLoss], timeline: _Timeline, checkpoints: Ch
     numbers = array("d", () if begun is None else begun.rows.ravel())
     for found in results:
         means, loss = found.channel_means, found.loss
-        row = [found.visible_contrast, found.mean_luminance, *means, found.counted, *loss]
+        row = [found.visible_contrast, found.mean_luminance, *means, *loss]
         numbers.extend(row)
         if checkpoints is not None:
             checkpoints.at(numbers, len(row), (timeline.times, timeline.durations, timeline.shown))
@@ -197,39 +193,12 @@ def _checked_knots(factors: ArrayLike) -> Array:
 
 
 def _require_bands(shape: tuple[int, ...], video: str) -> None:
-    """Refuse frames that are too small for two bands."""
     height, width = shape[:2]
     if min(height, width) < SMALLEST_SIDE:
         raise InputError(
             f"{video}: frames are {width} x {height} pixels; "
             f"need at least {SMALLEST_SIDE} x {SMALLEST_SIDE} for two frequency bands"
         )
-
-
-def loss_curves_by_definition(
-    emitted: Array, factors: ArrayLike, display: Display, model: ContrastModel = DEFAULT_MODEL
-) -> Array:
-    """Return the contrast loss of one frame at each factor: dim, rebuild, compare (Eqs. 1 to 5), in float64.
-
-    Parameters
-    ----------
-    emitted : array, (height, width)
-        I, luminance that the display emits at b = 1 [cd/m^2].
-    factors : array_like, (K,)
-        Brightness factors b.
-    display : Display
-        The display that shows it.
-    model : ContrastModel
-        Choices of the contrast model.
-
-    Returns
-    -------
-    array, (K,)
-        𝓛_c, in [0, 1].
-    """
-    reference = visible_contrast(dimmed_luminance(emitted, 1.0, display), display, model)
-    dimmed = (dimmed_luminance(emitted, b, display) for b in np.asarray(factors, dtype=np.float64))
-    return np.array([loss_of(visible_contrast(D, display, model), reference, model.loss) for D in dimmed])
 
 
 @dataclass(frozen=True, slots=True)

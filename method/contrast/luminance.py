@@ -142,5 +142,4 @@ def unit_pixel_values(pixel_values: NDArray[Any]) -> NDArray[np.float64]:
 
 
 def _emitted(linear: NDArray[np.float64], display: Display) -> NDArray[np.float64]:
-    """Return the luminance emitted for linear values in [0, 1]."""
     return linear * (display.peak_luminance - display.black_level) + display.black_level

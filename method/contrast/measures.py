@@ -20,6 +20,14 @@ MEASURES = {
     "absolute": ContrastModel(loss=LossForm.ABSOLUTE),
     "suprathreshold": ContrastModel(loss=LossForm.SUPRATHRESHOLD),
 }
+COUNTED = {  # as lost, by each measure
+    "relative": "pairs of pixel and frequency band that are visible at full brightness and not when dimmed, "
+    "as a share of the visible ones: the default",
+    "soft": "as relative, with a probability of being seen in place of a sharp threshold",
+    "castle": "as relative, with castleCSF for the sensitivity of the eye in place of Barten's function",
+    "absolute": "as relative, as a share of all pairs, not of the visible ones",
+    "suprathreshold": "how much of the perceived contrast above threshold goes, not how many pairs",
+}
 ROBUST = ("relative", "castle", "suprathreshold")  # a robust track's, unless others are asked for
 
 

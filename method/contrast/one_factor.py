@@ -158,7 +158,6 @@ class OneFactorLoss:
     def _shares_of_band(
         self, levels: tuple[Any, Any, Any], band: BandTable, factor: float, turn: int
     ) -> Array:
-        """Return what the pixels of a band count, in the mean, at the factor and at 1."""
         fine, coarse, around = levels
         tables = contrast_tables(band, self._model, (fine, around), factor)
         height, width = fine.shape

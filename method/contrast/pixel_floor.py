@@ -24,11 +24,12 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.contrast_loss import loss_of
-from evenlight.method.contrast.frame_analysis import MANY_PIXELS, FrameAnalysis
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
 from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.luminance import unit_pixel_values
 from evenlight.method.contrast.one_factor import OneFactorLoss
 
+MANY_PIXELS = 65536  # of a frame; a smaller one is computed at every knot: single pixels make it unsteady
 TOLERANCE = 5e-4  # of the loss that the floor adds, halfway between two knots that are computed
 
 

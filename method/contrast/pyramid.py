@@ -202,7 +202,6 @@ def counted_frequencies(
 
 
 def _relative_frequencies(n: int, rule: BandFrequency) -> NDArray[np.float64]:
-    """Return the frequencies of n bands as shares of the Nyquist frequency."""
     levels = np.arange(n)
     halving = np.exp2(-levels.astype(np.float64))
     if rule is BandFrequency.AUTHORS:

@@ -11,11 +11,13 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import sys
+import threading
 import weakref
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from functools import lru_cache
 from importlib import resources
+from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from evenlight.data_schema.errors import InputError
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
     import moderngl
 
 Result = TypeVar("Result")
+Call = tuple[Future[Any], Callable[..., Any], tuple[Any, ...]]  # and where its answer goes
 VERSION = 430  # of OpenGL, the first with compute shaders
 # Renderers that are programs for the processor; zink draws through Vulkan, and names what that runs on.
 _SOFTWARE = ("llvmpipe", "softpipe", "swrast", "lavapipe", "swiftshader", "software", "basic render")
@@ -77,7 +80,6 @@ def compute_context() -> moderngl.Context:
 
 
 def _with_compute(context: moderngl.Context) -> moderngl.Context:
-    """Return a context that has compute shaders; release one that has none, and raise `InputError`."""
     try:
         require_compute(context)
     except BaseException:
@@ -130,22 +132,43 @@ class OwnContext:
     """
 
     def __init__(self) -> None:
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="graphics")
-        self.context = self.run(compute_context)
+        self._calls: SimpleQueue[Call | None] = SimpleQueue()
+        threading.Thread(target=_answer, args=(self._calls,), name="graphics", daemon=True).start()
+        try:
+            self.context = self.run(compute_context)
+        except BaseException:
+            self._calls.put(None)
+            raise
         self.renderer = self.run(renderer_name, self.context)  # asked in another thread, it would be ""
-        finalize = weakref.finalize(self, _let_go, self._thread, self.context)
+        finalize = weakref.finalize(self, _let_go, self._calls, self.context)
         finalize.atexit = False  # the process takes it along
 
     def run(self, function: Callable[..., Result], *arguments: Any) -> Result:
         """Return what a function gives in the context's thread."""
-        return self._thread.submit(function, *arguments).result()
+        answer: Future[Result] = Future()
+        self._calls.put((answer, function, arguments))
+        return answer.result()
 
 
-def _let_go(thread: ThreadPoolExecutor, context: moderngl.Context) -> None:
-    """Release a context in its thread, and end the thread."""
-    with contextlib.suppress(RuntimeError):  # at the end of the process threads take no more work
-        thread.submit(context.release)
-    thread.shutdown(wait=False)
+def _answer(calls: SimpleQueue[Call | None]) -> None:
+    """Make the calls of a queue, one after the other, until it says None."""
+    while (call := calls.get()) is not None:
+        answer, function, arguments = call
+        try:
+            answer.set_result(function(*arguments))
+        except BaseException as error:
+            answer.set_exception(error)
+        del call, answer, function, arguments  # an idle thread keeps nothing alive
+
+
+def _let_go(calls: SimpleQueue[Call | None], context: moderngl.Context) -> None:
+    """Release a context in its thread, and end the thread.
+
+    The garbage collector may call this anywhere, also where its thread holds a lock: a put into a simple
+    queue is safe there, the submission to an executor is not.
+    """
+    calls.put((Future(), context.release, ()))
+    calls.put(None)
 
 
 class _Calls(NamedTuple):
@@ -182,7 +205,6 @@ class Fence:
 
 @lru_cache(maxsize=1)
 def _calls() -> _Calls | None:
-    """Return the functions, or None where they cannot be found."""
     if sys.platform == "win32":
         return None  # there each context has its own, and moderngl does not tell which
     for name in _LIBRARIES:

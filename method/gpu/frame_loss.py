@@ -21,8 +21,8 @@ from evenlight.method.contrast.contrast_loss import loss_of
 from evenlight.method.contrast.frame_analysis import FrameLoss
 from evenlight.method.contrast.one_factor import MeasuredLoss
 from evenlight.method.gpu.context import Fence, OwnContext
-from evenlight.method.gpu.one_pass import CountingRequest, GpuOnePass, PassCounts
-from evenlight.method.gpu.pyramid import FrameTexture, PackedFrame, packed
+from evenlight.method.gpu.one_pass import CountingRequest, GpuOnePass
+from evenlight.method.gpu.pyramid import FrameTexture, packed
 
 if TYPE_CHECKING:
     import moderngl
@@ -70,32 +70,28 @@ class GpuCurve:
         shares = np.concatenate([[0.5], (np.arange(REFERENCES) + 0.5) / REFERENCES])
         self._log_references = self._log_factors[0] * (1 - shares)
 
-    def of(self, frame: FrameTexture | PackedFrame) -> FrameLoss:
+    def of(self, frame: FrameTexture | NDArray[Any]) -> FrameLoss:
         """Return the loss curve and the means of a frame; waits for it."""
         self.one_pass.require_idle()
         self.start(frame)
         return self.result()
 
-    def start(self, frame: FrameTexture | PackedFrame) -> None:
+    def start(self, frame: FrameTexture | NDArray[Any]) -> None:
         """Begin with a frame, and return at once; two may be under way."""
         self.one_pass.start(frame, self._log_factors, self._log_references)
 
     def result(self) -> FrameLoss:
         """Return what the oldest frame under way gave; waits if it is not ready."""
-        counted = self.one_pass.result()
-        visible = self._visible(counted)
-        reference = float(visible[-1])
-        loss = np.array([loss_of(float(C_v), reference, self._form) for C_v in visible])
-        return FrameLoss(loss, reference, emitted_mean(counted, self._display), counted.means[:3])
-
-    def _visible(self, counted: PassCounts) -> Array:
-        """Return C_v at each knot; in bands of few pixels, neighbours are compared at the nearest factor."""
-        shares, knots = np.zeros(len(self._log_factors)), np.arange(len(self._log_factors))
-        for band in counted.bands:
-            reference = self._nearest if len(band.visible) > 1 else 0
+        bands, means = self.one_pass.result()
+        visible, knots = np.zeros(len(self._log_factors)), np.arange(len(self._log_factors))
+        for band in bands:
+            reference = self._nearest if len(band) > 1 else 0
             # Where two counts meet, a pixel may seem to vanish again as b grows.
-            shares += np.maximum.accumulate(band.visible[reference, knots]) / band.pixels
-        return shares / self.one_pass.n_bands
+            visible += np.maximum.accumulate(band[reference, knots])
+        visible /= self.one_pass.n_bands
+        reference_contrast = float(visible[-1])
+        loss = np.array([loss_of(float(C_v), reference_contrast, self._form) for C_v in visible])
+        return FrameLoss(loss, reference_contrast, emitted_mean(means, self._display), means[:3])
 
 
 class GpuFrameAnalysis:
@@ -135,19 +131,19 @@ class GpuFrameAnalysis:
         return self._own.run(self._curve.of, packed(rgb_of(pixels)))
 
 
-def emitted_mean(counted: PassCounts, display: Display) -> float:
-    """Return Ī, the mean luminance that a display emits at b = 1 [cd/m^2]."""
+def emitted_mean(means: Array, display: Display) -> float:
+    """Return Ī, the mean luminance that a display emits at b = 1 [cd/m^2], of the means of a pass."""
     span = display.peak_luminance - display.black_level
-    return float(display.black_level + span * counted.means[3])
+    return float(display.black_level + span * means[3])
 
 
 class GpuLoss:
     """The contrast loss of frames of one size at one factor each; nothing but a few numbers is read back.
 
     It stands in for `contrast.one_factor.OneFactorLoss`, and takes textures too. Two ways to use it. At once:
-    `of_texture(frame, factor)` waits for the answer. Without waiting, one frame late: `start(frame, factor)`
-    at each frame, and `result()` from the second on, which gives the answer to the start before the last;
-    `ready()` says whether it is there, for `result()` waits if it is not.
+    `of(frame, factor)` waits for the answer. Without waiting, one frame late: `start(frame, factor)` at each
+    frame, and `result()` from the second on, which gives the answer to the start before the last; `ready()`
+    says whether it is there, for `result()` waits if it is not.
 
     All calls must come from the thread of the context. Programs, textures and buffers that were bound may be
     others afterwards: a window that draws with OpenGL of its own restores them, as it does after drawing.
@@ -181,19 +177,13 @@ class GpuLoss:
     ) -> None:
         request = CountingRequest(lowest_factor, knots=_KNOTS, references=_KNOTS, equal_ratios=False)
         self._display, self._lowest, self._form = display, lowest_factor, model.loss
-        self._pass = GpuOnePass(context, shape, display, model, request)
+        self.one_pass = GpuOnePass(context, shape, display, model, request)
         self._fences: list[Fence] = []
 
-    def of_texture(self, frame: FrameTexture, factor: float) -> MeasuredLoss:
-        """Return the loss of a frame that is a texture already, at factor b; waits for it."""
-        self._pass.require_idle()
+    def of(self, frame: FrameTexture | NDArray[Any], factor: float) -> MeasuredLoss:
+        """Return the loss of a frame at factor b, as of `start`; waits for it."""
+        self.one_pass.require_idle()
         self.start(frame, factor)
-        return self.result()
-
-    def of(self, pixel_values: NDArray[Any], factor: float) -> MeasuredLoss:
-        """Return the loss of a frame, (height, width, 3) gamma-encoded, uploaded first; waits for it."""
-        self._pass.require_idle()
-        self.start(pixel_values, factor)
         return self.result()
 
     def start(self, frame: FrameTexture | NDArray[Any], factor: float) -> None:
@@ -211,25 +201,19 @@ class GpuLoss:
         ready = frame if isinstance(frame, FrameTexture) else packed(frame)
         asked = float(np.log2(factor))
         # Few pixels are compared with their neighbours at the very factors, many once, halfway.
-        self._pass.start(ready, np.array([asked, 0.0]), np.array([asked / 2, asked, 0.0]))
+        self.one_pass.start(ready, np.array([asked, 0.0]), np.array([asked / 2, asked, 0.0]))
         self._fences.append(Fence())
 
     def ready(self) -> bool:
         """Return whether the answer for the oldest frame under way is there; never waits."""
         return bool(self._fences) and self._fences[0].passed()
 
-    def bytes_moved(self, bytes_per_pixel: int) -> int:
-        """Return the bytes that a frame moves at least, as `GpuOnePass.bytes_moved`."""
-        return self._pass.bytes_moved(bytes_per_pixel)
-
     def result(self) -> MeasuredLoss:
         """Return what the oldest frame under way gave; waits if it is not ready."""
-        counted = self._pass.result()
+        bands, means = self.one_pass.result()
         self._fences.pop(0).release()
         dimmed = full = 0.0
-        for band in counted.bands:
-            dimmed += band.visible[0, 0] / band.pixels
-            full += band.visible[-1, 1] / band.pixels
-        return MeasuredLoss(
-            loss_of(min(dimmed, full), full, self._form), emitted_mean(counted, self._display)
-        )
+        for band in bands:
+            dimmed += band[0, 0]
+            full += band[-1, 1]
+        return MeasuredLoss(loss_of(min(dimmed, full), full, self._form), emitted_mean(means, self._display))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,7 +39,6 @@ from evenlight.method.gpu.pyramid import (
     SUM_WORDS,
     FrameTexture,
     GpuPyramid,
-    PackedFrame,
     sums_of,
 )
 
@@ -58,23 +57,6 @@ _RECORD = np.dtype(
     + [(name, np.float32) for name in ("log_darkest", "per_log_luminance")]
     + [(name, np.float32) for name in ("log_faintest", "per_log_sensitivity")]
 )
-
-
-@dataclass(frozen=True, slots=True)
-class CountedBand:
-    """What was counted in one band."""
-
-    pixels: int  # of the band
-    # (references, knots): how many of them are visible at each factor, neighbours compared at each reference
-    visible: Array
-
-
-@dataclass(frozen=True, slots=True)
-class PassCounts:
-    """The counts and channel means that a pass over a frame gives."""
-
-    bands: tuple[CountedBand, ...]  # those in which contrast can be visible
-    means: Array  # (4,): of linear R, G, B, and of linear luminance, in [0, 1]
 
 
 class GpuOnePass:
@@ -103,7 +85,6 @@ class GpuOnePass:
         self.n_bands = len(tables)
         self._pyramid = GpuPyramid(context, shape, display, model.pixel_to_luminance, len(tables) + 2)
         seen = {level: table for level, table in enumerate(tables) if table.can_be_seen}
-        self._levels = tuple(seen)
         thresholds = threshold_table(model.masking_strength)
         self._layout = _band_layout(self._pyramid.shapes, self._pyramid.begins, seen, request, thresholds)
         self._make_buffers()
@@ -111,12 +92,12 @@ class GpuOnePass:
         self._under_way: list[int] = []
         self._next = 0
 
-    def start(self, frame: FrameTexture | PackedFrame, log_knots: Array, log_references: Array) -> None:
+    def start(self, frame: FrameTexture | NDArray[Any], log_knots: Array, log_references: Array) -> None:
         """Begin with a frame, and return at once.
 
         Parameters
         ----------
-        frame : FrameTexture or PackedFrame
+        frame : FrameTexture, or array as of `packed`
             The frame.
         log_knots : array, (knots,)
             log2 of the factors at which pixels are counted, rising to 0.
@@ -145,34 +126,28 @@ class GpuOnePass:
                 f"{len(self._under_way)} of the frames before are under way: ask for results first"
             )
 
-    def result(self) -> PassCounts:
-        """Return what the oldest frame under way gave; waits if it is not ready."""
+    def result(self) -> tuple[list[Array], Array]:
+        """Return what the oldest frame under way gave; waits if it is not ready.
+
+        Returns
+        -------
+        visible : list of array, (references, knots)
+            Of each band in which contrast can be visible, the share of its pixels that are visible at each
+            factor, neighbours compared at each reference.
+        means : array, (4,)
+            Of linear R, G, B, and of linear luminance, in [0, 1].
+        """
         if not self._under_way:
             raise ValueError("no frame is under way: start one first")
         words = np.frombuffer(self._results[self._under_way.pop(0)].read(), np.uint32)
         bands, knots = [], self._request.knots
         for place in self._layout.places:
             counts = words[place.counts_at : place.counts_at + place.references * knots].reshape(-1, knots)
-            bands.append(CountedBand(place.pixels, counts.cumsum(axis=1, dtype=float)))
+            bands.append(counts.cumsum(axis=1, dtype=float) / place.pixels)
         height, width = self._shape
-        return PassCounts(tuple(bands), sums_of(words) / (height * width))
-
-    def bytes_moved(self, bytes_per_pixel: int) -> int:
-        """Return the bytes that have to pass between shaders and memory, each level once in each pass.
-
-        Parameters
-        ----------
-        bytes_per_pixel : int
-            Of the frame: 3 as it is uploaded with 8 bits, 4 or 8 as a texture of four channels.
-        """
-        sizes = [height * width for height, width in self._pyramid.shapes]
-        levels = bytes_per_pixel * sizes[0] + 4 * sum(sizes) + 4 * sum(sizes[1:-1])
-        bands = zip(self._levels, self._layout.places, strict=True)
-        counts = sum(place.references * sum(sizes[level : level + 3]) for level, place in bands)
-        return levels + 4 * counts + 4 * self._layout.words
+        return bands, sums_of(words) / (height * width)
 
     def _make_buffers(self) -> None:
-        """Make the buffers of tables, factors and results."""
         context = self._context
         self._tables = context.buffer(self._layout.tables.tobytes())
         self._records = context.buffer(self._layout.records or bytes(4))  # a buffer of nothing there is not
@@ -193,7 +168,6 @@ class GpuOnePass:
 def _defined(
     model: ContrastModel, request: CountingRequest, steps: tuple[int, int, int]
 ) -> dict[str, object]:
-    """Return what `count.glsl` is compiled with."""
     chosen = {
         "EQUAL_RATIOS": request.equal_ratios,
         "POSITIVE_ONLY": model.visibility is Visibility.POSITIVE_ONLY,
@@ -211,7 +185,6 @@ def _defined(
 
 
 def _require_one_pass(tables: list[BandTable], model: ContrastModel, request: CountingRequest) -> None:
-    """Raise `InputError` for what only the processor computes."""
     if model.visibility is Visibility.SOFT or model.loss is LossForm.SUPRATHRESHOLD:
         chosen = model.visibility if model.visibility is Visibility.SOFT else model.loss
         raise InputError(
@@ -298,6 +271,5 @@ def _band_layout(
 
 
 def _ranges(table: BandTable) -> tuple[float, float, float, float]:
-    """Return where each table of a band begins, and one over how far it reaches."""
     (dark, bright), (low, high) = table.log_luminance_range, table.log_sensitivity_range
     return dark, 1 / (bright - dark), low, 1 / (high - low)

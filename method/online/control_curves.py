@@ -52,14 +52,6 @@ class ControlledTrack:
 
 
 @dataclass(frozen=True, slots=True)
-class VideoGovernor:
-    """A governor, with what the frames of a video cost."""
-
-    governor: Governor  # moves the controller's target
-    costs: list[FrameCost]  # of each frame
-
-
-@dataclass(frozen=True, slots=True)
 class VideoLookahead:
     """How far a controller looks ahead, and what the frames of a video cost."""
 
@@ -73,7 +65,7 @@ def control_curves(
     controller: Controller,
     start_factor: float | None = None,
     luminance: Array | None = None,
-    governed: VideoGovernor | None = None,
+    governed: tuple[Governor, list[FrameCost]] | None = None,
 ) -> ControlledTrack:
     """Return what the controller does with a video, seeing one frame after the other.
 
@@ -87,8 +79,8 @@ def control_curves(
         b of the first frame; without it, where that frame has the target loss.
     luminance : array, (N,), optional
         Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]; without it, the frame's mean.
-    governed : VideoGovernor, optional
-        What moves the target from that of the controller, so that a budget is met.
+    governed : (Governor, list of FrameCost), optional
+        What moves the target from that of the controller, so that a budget is met, and what each frame costs.
 
     Raises
     ------
@@ -141,7 +133,6 @@ def _track(
     controller: Controller,
     run: tuple[list[ControllerState], list[float], list[bool]],
 ) -> ControlledTrack:
-    """Return the track of a run: states, targets, and where a bound held the governor."""
     states, targets, held = run
     factors = np.array([state.factor for state in states])
     limits = np.array([controller.rate_limit(light) for light in (factors * luminance).tolist()])
@@ -160,7 +151,6 @@ def _track(
 def _prepared(
     curves: LossCurves, controller: Controller, start_factor: float | None, luminance: Array | None
 ) -> tuple[Array, float]:
-    """Return the luminance at factor 1, and the factor of the first frame."""
     settings = controller.settings
     lowest, highest, known = settings.lowest_factor, settings.highest_factor, float(curves.factors[0])
     if lowest < known:
@@ -181,9 +171,8 @@ def _states(
     controller: Controller,
     luminance: Array,
     first_factor: float,
-    governed: VideoGovernor | None,
+    governed: tuple[Governor, list[FrameCost]] | None,
 ) -> tuple[list[ControllerState], list[float], list[bool]]:
-    """Return the controller's state at each frame, its target, and whether a bound held the governor."""
     knots = curves.factors.tolist()
     frames = zip(curves.loss.tolist(), luminance.tolist(), curves.durations.tolist(), strict=True)
     steering = _Steering(controller.settings.target_loss, governed)
@@ -209,16 +198,16 @@ class _Steering:
     ----------
     target : float
         c_r at the first frame.
-    governed : VideoGovernor or None
+    governed : (Governor, list of FrameCost) or None
         Without it, the target stays.
     """
 
-    def __init__(self, target: float, governed: VideoGovernor | None) -> None:
+    def __init__(self, target: float, governed: tuple[Governor, list[FrameCost]] | None) -> None:
         self.target, self.held = target, False
         self.aim: SteeredTarget | None = None
         self._state: GovernorState | None = None
         if governed is not None:
-            self._governor, self._costs = governed.governor, iter(governed.costs)
+            self._governor, self._costs = governed[0], iter(governed[1])
 
     def take(self, shown: ControllerState, loss: float) -> None:
         """Take note of a frame that was shown with some factor and has some loss."""

@@ -225,7 +225,6 @@ def horizon_errors(
 
 
 def _over_windows(values: Array, durations: Array, begins: Array, horizon: float) -> Array:
-    """Return the integrals of a value of each frame over windows that begin at some times."""
     ends, total = (np.append(0.0, np.cumsum(part)) for part in (durations, values * durations))
     return np.asarray(np.interp(begins + horizon, ends, total) - np.interp(begins, ends, total))
 

@@ -187,7 +187,6 @@ class LookaheadController:
         return first, min(first - low[0], high[0] - first) <= ROUNDING
 
     def _plan_before(self, factor: float, count: int) -> Array:
-        """Return the plan of the frame before, about which this one's is linearized."""
         last = self._plan[-1] if len(self._plan) else factor
         return np.append(self._plan[1:], np.full(count, last))[:count]
 

@@ -89,7 +89,6 @@ def _slowed(problem: Problem, factors: Array, is_kept: Callable[[Array], bool]) 
 
 
 def _part_of(problem: Problem, share: float) -> Callable[[Array], Array]:
-    """Return a share of a problem's rate limit."""
     return lambda luminance: share * problem.rate_limit(luminance)
 
 

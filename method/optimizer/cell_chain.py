@@ -140,7 +140,6 @@ def cheapest_chain(
 
 @compiled_loop(error_model="numpy")
 def _edges(knots: Array, per_knot: int) -> Array:
-    """Return the edges of the cells."""
     edges = np.empty((len(knots) - 1) * per_knot + 1)
     for segment in range(len(knots) - 1):
         for k in range(per_knot):

@@ -83,14 +83,12 @@ class _Stack(NamedTuple):
 
 @compiled_loop(error_model="numpy")
 def _knot(stack: _Stack, index: int) -> tuple[float, float]:
-    """Return position and derivative of a knot."""
     x0, mapping = stack.x[index], stack.map
     return mapping[_A] * x0 + mapping[_C], mapping[_U] * stack.d[index] + mapping[_V] * x0 + mapping[_W]
 
 
 @compiled_loop(error_model="numpy")
 def _put(stack: _Stack, index: int, x: float, d: float) -> None:
-    """Store a knot."""
     mapping = stack.map
     x0 = (x - mapping[_C]) / mapping[_A]
     stack.x[index] = x0
@@ -99,7 +97,6 @@ def _put(stack: _Stack, index: int, x: float, d: float) -> None:
 
 @compiled_loop(error_model="numpy")
 def _push(stack: _Stack, x: float, d: float) -> None:
-    """Add a knot at the inner end."""
     _put(stack, stack.ends[1], x, d)
     stack.ends[1] += 1
 

@@ -154,8 +154,6 @@ def summarize(
         seed=origin.seed,
         versions={"evenlight": origin.software_version, **origin.versions},
         provenance=origin,
-        curves_tolerance=curves.tolerance,
-        counted=float(np.mean(curves.counted)),
         curves_computed_on=curves.computed_on,
         clips=answer.clips,
         weighted=problem.importance is not None and bool(np.ptp(problem.importance) > 0),

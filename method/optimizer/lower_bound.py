@@ -121,7 +121,6 @@ def _gain_near_baseline(problem: Problem) -> float:
 
 
 def _steepest_chord(curves: LossCurves, factor: float) -> Array:
-    """Return the steepest chord of each frame's loss curve from a factor, (N,)."""
     inner = curves.factors != factor
     there = loss_and_slope(curves, np.full(curves.n_frames, factor))[0][:, None]
     way = np.abs(curves.factors[inner] - factor)

@@ -1,8 +1,9 @@
 """The objective: how differently the frames lose contrast (the sum in Eq. 6, as a mean), and how much.
 
-The pair sum of the paper is content where all frames lose alike, however much. `SpreadAndMean` adds the mean
-loss, `LargestLoss` is about the worst frame alone (docs/decisions/objectives.md). Each is the largest
-Σ w·loss over a set of weights w, which is all that solver and certificate need to know: see `Objective`.
+The pair sum of the paper is content where all frames lose alike, however much. `Spread` is that, and with a
+level the mean loss besides; `LargestLoss` is about the worst frame alone (docs/decisions/objectives.md). Each
+is the largest Σ w·loss over a set of weights w, which is all that solver and certificate need to know: see
+`Objective`.
 
 Frames may count differently (docs/decisions/frame-weights.md): a pair then counts by the product of its two
 frames' weights, as if a frame of weight 2 were there twice.
@@ -166,9 +167,6 @@ class Objective(Protocol):
     def value(self, loss: Array, weights: Array | None) -> float:
         """Return what is minimized."""
 
-    def values(self, losses: Array, weights: Array) -> Array:
-        """Return the same of each row of losses, (M,), from (M, N); for few frames."""
-
     def size(self, weights: Array) -> float:
         """Return the number Σ w·loss is divided by; 0 if all tracks are as good."""
 
@@ -188,82 +186,54 @@ class Objective(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Spread:
-    """The mean absolute difference of loss over all pairs of frames: the paper's. w: the permutahedron."""
+    """The mean absolute difference of loss over all pairs of frames, the paper's; it may have a level.
 
-    name = ObjectiveName.SPREAD
-    level_weight = None
+    w: the permutahedron, with a level shifted.
+    """
+
+    level_weight: float | None = None  # λ: as often the mean loss is added, each frame by its weight
+
+    @property
+    def name(self) -> ObjectiveName:
+        """What the command calls it."""
+        return ObjectiveName.SPREAD if self.level_weight is None else ObjectiveName.SPREAD_AND_MEAN
 
     def value(self, loss: Array, weights: Array | None) -> float:
         """Return what is minimized."""
-        return pairwise_spread(loss, weights)
-
-    def values(self, losses: Array, weights: Array) -> Array:
-        """Return the same of each row."""
-        if not weight_of_pairs(weights) > 0:
-            return np.zeros(len(losses))
-        first, second = np.triu_indices(len(weights), 1)
-        differences = np.abs(losses[:, first] - losses[:, second])
-        return np.asarray(differences @ (weights[first] * weights[second]) / weight_of_pairs(weights))
+        spread = pairwise_spread(loss, weights)
+        if self.level_weight is None:
+            return spread
+        return spread + self.level_weight * float(np.average(loss, weights=weights))
 
     def size(self, weights: Array) -> float:
-        """Return the weight of all pairs."""
-        return weight_of_pairs(weights)
+        """Return the weight of all pairs; with a level, of a single frame that counts, half its square."""
+        pairs = weight_of_pairs(weights)
+        return pairs if pairs or self.level_weight is None else float(weights.sum()) ** 2 / 2
 
     def frame_weights(self, loss: Array, weights: Array) -> Array:
-        """Return the order weights, each for the frame that has its place."""
+        """Return the order weights, each for the frame that has its place, and what the level adds."""
         order = np.argsort(loss, kind="stable")
         placed = np.empty(len(loss))
         placed[order] = order_weights(weights[order])
-        return placed
+        return placed + self._shift(weights) * weights
 
     def largest_weights(self, weights: Array) -> Array:
         """Return those of a frame whose loss is the largest."""
-        return np.asarray(weights * (weights.sum() - weights))
+        return np.asarray(weights * (weights.sum() - weights) + self._shift(weights) * weights)
 
     def proximal(self, values: Array, strength: float, weights: Array | None) -> Array:
-        """Return values drawn together; see `proximal_spread`."""
-        return proximal_spread(values, strength, weights)
-
-
-SPREAD = Spread()
-
-
-@dataclass(frozen=True, slots=True)
-class SpreadAndMean:
-    """The spread plus λ times the mean loss, each frame by its weight. w: the permutahedron, shifted."""
-
-    level_weight: float  # λ
-    name = ObjectiveName.SPREAD_AND_MEAN
-
-    def value(self, loss: Array, weights: Array | None) -> float:
-        """Return what is minimized."""
-        return pairwise_spread(loss, weights) + self.level_weight * float(np.average(loss, weights=weights))
-
-    def values(self, losses: Array, weights: Array) -> Array:
-        """Return the same of each row."""
-        mean = losses @ weights / weights.sum()
-        return np.asarray(SPREAD.values(losses, weights) + self.level_weight * mean)
-
-    def size(self, weights: Array) -> float:
-        """Return the weight of all pairs; of a single frame that counts, half its square."""
-        return weight_of_pairs(weights) or float(weights.sum()) ** 2 / 2
-
-    def frame_weights(self, loss: Array, weights: Array) -> Array:
-        """Return the order weights, and ω times what the level adds."""
-        return np.asarray(SPREAD.frame_weights(loss, weights) + self._shift(weights) * weights)
-
-    def largest_weights(self, weights: Array) -> Array:
-        """Return those of a frame whose loss is the largest."""
-        return np.asarray(SPREAD.largest_weights(weights) + self._shift(weights) * weights)
-
-    def proximal(self, values: Array, strength: float, weights: Array | None) -> Array:
-        """Return values moved down, then drawn together."""
+        """Return values drawn together, by `proximal_spread`, once a level has moved them down."""
         counts = np.ones(len(values)) if weights is None else weights
         return proximal_spread(values - strength * self._shift(counts), strength, weights)
 
     def _shift(self, weights: Array) -> float:
         """Return what the level adds to w per ω."""
+        if self.level_weight is None:
+            return 0.0
         return self.level_weight * self.size(weights) / float(weights.sum())
+
+
+SPREAD = Spread()
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,10 +250,6 @@ class LargestLoss:
     def value(self, loss: Array, weights: Array | None) -> float:
         """Return what is minimized."""
         return float(np.max(loss if weights is None else loss[weights > 0]))
-
-    def values(self, losses: Array, weights: Array) -> Array:
-        """Return the same of each row."""
-        return np.asarray(losses[:, weights > 0].max(axis=1))
 
     def size(self, weights: Array) -> float:
         """Return half the square of the weight of all frames: about that of all pairs."""
@@ -345,4 +311,4 @@ def objective_named(name: ObjectiveName, level_weight: float | None = None) -> O
         raise InputError(
             f"the level weight must lie above 0 and up to {LARGEST_LEVEL_WEIGHT:g}, got {level_weight:g}"
         )
-    return SpreadAndMean(level_weight)
+    return Spread(level_weight)

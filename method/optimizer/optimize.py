@@ -174,7 +174,6 @@ def pose(curves: LossCurves, request: Request, joints: Sequence[int] = ()) -> Pr
 
 
 def _limit_of_emitted(limit: RateLimit, curve: LimitCurve, reflected: float, emitted: Array) -> Array:
-    """Return ΔL at the luminance seen: what the display emits plus what it reflects."""
     return rate_limit_at(limit, emitted + reflected, curve)
 
 

@@ -16,9 +16,8 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
 from evenlight.method.optimizer.objective import SPREAD, Objective
 from evenlight.method.power import power_per_factor
@@ -133,7 +132,6 @@ def _require_possible_on_oled(request: Request, lowest_factor: float) -> None:
 
 
 def _require_between(request: Request, limits: tuple[float, float], lowest_factor: float) -> None:
-    """Raise `InputError` if the budget lies outside what the factors can use."""
     low, high = limits
     rounding = 1e-12 * high  # watts of any size
     if not low - rounding <= request.budget <= high + rounding:

@@ -184,7 +184,6 @@ class _JointSearch:
         return parts / parts.mean(), float(parts.mean())
 
     def _learn(self) -> None:
-        """Move the weights towards the measures that are worst off."""
         shares = self._measures.shares(self._states[0].factors)
         eagerness = EAGERNESS / (1 + self.iterations / SLOWING)
         weights = self._weights * np.exp(eagerness * (shares - shares.max()) / max(shares.mean(), 1e-9))
@@ -192,7 +191,6 @@ class _JointSearch:
         self._weights = weights / weights.sum()
 
     def _advance(self, stage: SearchStage) -> None:
-        """Do an iteration: one chain for all measures, then the targets of each."""
         problems, first = self._measures.problems, self._measures.problems[0]
         pulls = [pull(problem, state, stage) for problem, state in zip(problems, self._states, strict=True)]
         drawn = np.sum([p[0] for p in pulls], axis=0), np.sum([p[1] for p in pulls], axis=0)

@@ -13,6 +13,9 @@ from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.optimizer.optimize import BUDGET_TOLERANCE, Problem, Solution, feasible_blend
 
+CONVERGED = 1e-8  # the paper's tolerance
+PERTURBATION = 0.01  # standard deviation of the start about the constant
+MOST_FRAMES = 500  # longer problems are refused: time grows with the cube of N
 NO_LIMIT = 2.0  # change of a factor: twice what any step can be
 
 
@@ -21,23 +24,20 @@ class SlsqpSolver:
     """Minimize by SciPy's SLSQP from a perturbed constant, as the paper does (Section 3.5)."""
 
     rng: np.random.Generator  # for the perturbation
-    tolerance: float = 1e-8  # convergence tolerance; the paper's
-    perturbation: float = 0.01  # standard deviation of the start about the constant
-    max_frames: int = 500  # longer problems are refused: time grows with the cube of N
 
     def solve(self, problem: Problem) -> Solution:
         """Return SLSQP's answer, made feasible; the baseline where that is better."""
         n = problem.curves.n_frames
-        if n > self.max_frames:
+        if n > MOST_FRAMES:
             raise InputError(
-                f"the solver slsqp takes at most {self.max_frames} frames, this video has {n}; "
+                f"the solver slsqp takes at most {MOST_FRAMES} frames, this video has {n}; "
                 f"use the solver splitting"
             )
         baseline = problem.baseline()
         if not problem.leaves_a_choice:
             return Solution(baseline, 0)
-        noise = self.perturbation * self.rng.standard_normal(n)
-        factors, iterations = slsqp_from(problem, baseline + noise, self.tolerance)
+        noise = PERTURBATION * self.rng.standard_normal(n)
+        factors, iterations = slsqp_from(problem, baseline + noise, CONVERGED)
         if problem.objective(factors) > problem.objective(baseline):
             factors = baseline
         return Solution(factors, iterations)
@@ -79,7 +79,6 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
 
 
 def _objective_slope(problem: Problem, factors: Array) -> Array:
-    """Return a (sub)gradient of the objective, (N,)."""
     loss, slope = loss_and_slope(problem.curves, factors)
     weights = problem.minimized.frame_weights(loss, problem.frame_importance()) / problem.size()
     return np.asarray(weights * slope)

@@ -14,12 +14,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
+from evenlight.method.choices import SolverName
 from evenlight.method.optimizer.chain import nearest_feasible
-from evenlight.method.optimizer.exhaustive_search import MOST_FRAMES, exhaustive_starts
 from evenlight.method.optimizer.factor_grid import grid_starts
-from evenlight.method.optimizer.optimize import Problem, Solution, is_feasible
-from evenlight.method.optimizer.slsqp import slsqp_from
+from evenlight.method.optimizer.optimize import Problem, Solution, Solver, is_feasible
+from evenlight.method.optimizer.slsqp import SlsqpSolver, slsqp_from
 from evenlight.method.optimizer.splitting_search import NO_SPREAD, SearchStage, search, state_at
 
 FAR_TO_NEAR = (SearchStage(1.0, 8), SearchStage(0.125, 8), SearchStage(0.0, 20))
@@ -49,7 +50,6 @@ DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where sear
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
-NEGLIGIBLE = 1e-9  # objective: all tracks over a grid can gain nothing below it
 HAIR = 1e-8  # mean factor: a budget nearer to its end than this leaves nothing to polish
 DENSE_TOLERANCE = 1e-10
 GOLDEN = (np.sqrt(5) - 1) / 2  # its multiples spread evenly over the unit interval
@@ -88,7 +88,6 @@ class SplittingSolver:
 
 
 def _of_a_long_video(problem: Problem, searches: int) -> Solution:
-    """Return the best answer from a coarse start, and of as many searches more; see `SplittingSolver`."""
     best = _coarse_to_fine(problem)
     if searches > 1:
         best = _better(problem, best, search(problem, state_at(problem, best.factors, best), SETTLING))
@@ -117,12 +116,9 @@ def _from_start(problem: Problem, start: Array) -> Solution:
 
 
 def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> Solution:
-    """Return the best of more searches, as many as the number of frames allows."""
     n = problem.curves.n_frames
     if n <= SHORTEST:
-        best = _polished(problem, best, int(np.clip(DENSE_WORK / n, *DENSE_STARTS)))
-        more = n <= MOST_FRAMES and problem.objective(best.factors) > NEGLIGIBLE
-        return _from_all_tracks(problem, best) if more else best
+        return _polished(problem, best, int(np.clip(DENSE_WORK / n, *DENSE_STARTS)))
     alike = True
     if search_more:
         best, alike = _searched_elsewhere(problem, best)
@@ -134,17 +130,6 @@ def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> So
     if n > DENSE:
         return best
     return _polished(problem, best, 1 if alike else max(int(DENSE_CUBES / n**3), 1))
-
-
-def _from_all_tracks(problem: Problem, best: Solution) -> Solution:
-    """Return the best that searches and a dense solver make of the best of all tracks over a grid."""
-    for factors in exhaustive_starts(problem):
-        best = _better(problem, best, replace(best, factors=factors, iterations=0))
-        found = search(problem, state_at(problem, factors), HOP)
-        best = _better(problem, best, found)
-        polished, iterations = slsqp_from(problem, found.factors, DENSE_TOLERANCE)
-        best = _better(problem, best, replace(best, factors=polished, iterations=iterations))
-    return best
 
 
 def _searched_elsewhere(problem: Problem, best: Solution) -> tuple[Solution, bool]:
@@ -222,16 +207,14 @@ def coarse_problem(problem: Problem) -> Problem:
 
 
 def _means(values: Array, starts: NDArray[np.int64]) -> Array:
-    """Return the means of blocks along the first axis."""
     sizes = np.diff(np.append(starts, len(values)))
     return np.asarray(np.add.reduceat(values, starts, axis=0) / sizes.reshape(-1, *[1] * (values.ndim - 1)))
 
 
 def _coarse_curves(curves: LossCurves, starts: NDArray[np.int64]) -> LossCurves:
-    """Return the mean loss curves of blocks of frames."""
     of_frames = (name for name, shape in ARRAY_SHAPES.items() if shape[0] == "N")
     means: dict[str, Any] = {name: _means(getattr(curves, name), starts) for name in of_frames}
-    for name in ("loss", "visible_contrast", "channel_means", "counted"):
+    for name in ("loss", "visible_contrast", "channel_means"):
         means[name] = np.clip(means[name], 0.0, 1.0)  # but for rounding they lie there
     means["times"], means["durations"] = curves.times[starts], np.add.reduceat(curves.durations, starts)
     return replace(curves, **means)
@@ -257,3 +240,27 @@ def refined_solution(problem: Problem, coarse: Solution) -> Solution:
     if weights is not None:
         weights = np.repeat(weights, sizes)
     return Solution(factors, 0, weights, coarse.budget_price)
+
+
+def make_solver(name: SolverName, rng: np.random.Generator, start: Array | None = None) -> Solver:
+    """Return a solver.
+
+    Parameters
+    ----------
+    name : SolverName
+        Which.
+    rng : np.random.Generator
+        Perturbs the start where the solver wants that.
+    start : array, (N,), optional
+        Factors to start from, where the solver can.
+
+    Raises
+    ------
+    InputError
+        If a start is given to a solver that takes none.
+    """
+    if name is SolverName.SPLITTING:
+        return SplittingSolver(start)
+    if start is not None:
+        raise InputError(f"a start is for the solver splitting, not for {name.value}")
+    return SlsqpSolver(rng)

@@ -106,7 +106,6 @@ def search(problem: Problem, state: SplittingState, stages: tuple[SearchStage, .
 
 
 def _step(problem: Problem, state: SplittingState, stage: SearchStage) -> SplittingState:
-    """Return the state after one iteration."""
     return moved(problem, state, *chained(problem, state, pull(problem, state, stage), stage))
 
 

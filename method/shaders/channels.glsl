@@ -9,8 +9,6 @@ const vec3 WEIGHTS = vec3(LUMINANCE_WEIGHTS);
 
 #if defined(SOURCE_LEVELS)
 uniform usampler2D frame;
-#elif defined(SOURCE_ENCODED) || defined(SOURCE_LINEAR)
-uniform sampler2D frame;
 #else
 layout(std430, binding = 2) readonly buffer Frame { uint words[]; };  // rows of R, G, B without gaps
 #endif
@@ -36,13 +34,9 @@ uvec3 levels_at(ivec2 pixel, ivec2 size) {
 }
 #else
 vec3 values_at(ivec2 pixel, ivec2 size) {
-#if defined(SOURCE_FLOATS)
     uint first = 3u * uint(pixel.y * size.x + pixel.x);
     vec3 values = vec3(uintBitsToFloat(words[first]), uintBitsToFloat(words[first + 1u]),
                        uintBitsToFloat(words[first + 2u]));
-#else
-    vec3 values = texelFetch(frame, pixel, 0).rgb;
-#endif
     // What is not a number would spread over the pyramid, and is not clamped by every driver.
     return clamp(mix(values, vec3(0.0), isnan(values)), 0.0, 1.0);
 }
@@ -59,9 +53,6 @@ vec4 channels_at(ivec2 pixel, ivec2 size) {
 #ifdef LUMA_FIRST
     precise vec3 encoded = vec3(levels) / top;
 #endif
-#elif defined(SOURCE_LINEAR)
-    linear = values_at(pixel, size);
-    luminance = WEIGHTS.r * linear.r + WEIGHTS.g * linear.g + WEIGHTS.b * linear.b;
 #else
     precise vec3 encoded = values_at(pixel, size);
     linear = pow(encoded, vec3(gamma));

@@ -98,7 +98,6 @@ def apply_track(
 def _stamped(
     pictures: DimmedPlanes | DimmedPixels, scales: Sequence[Array], stamps: Stamps, track: BrightnessTrack
 ) -> Iterator[VideoFrame]:
-    """Yield dimmed pictures with their times; refuse those of another number or at other times."""
     (ticks, tick), kind, number = stamps, pictures.kind, 0
     for number, (time, versions) in enumerate(pictures.dimmed(scales), start=1):
         k = number - 1
@@ -112,7 +111,6 @@ def _stamped(
 
 
 def _beside(versions: list[list[Codes]], kind: PictureKind) -> list[Codes]:
-    """Return the planes of one version, or of two side by side, a gap of each plane's zero between them."""
     if len(versions) == 1:
         return versions[0]
     rows = []
@@ -137,7 +135,6 @@ def _frame_stamps(video: VideoSource, times: Array, copied: CopiedStreams | None
 def _stream(
     container: OutputContainer, kind: PictureKind, encoder: Encoder, versions: int, stamps: Stamps
 ) -> VideoStream:
-    """Add the stream of so many versions of pictures, with the tags of their kind."""
     os.environ.setdefault("SVT_LOG", "1")  # else the encoder of AV1 introduces itself on standard error
     ticks, tick = stamps
     rate = Fraction(1, int(np.median(np.diff(ticks)))) / tick

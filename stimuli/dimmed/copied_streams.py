@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from av.stream import Stream
     from av.video.stream import VideoStream
 
-    from evenlight.stimuli.video.remote_file import VideoPath
+    from evenlight.stimuli.video.video_locations import VideoPath
 
 # Of the file that is read, and wrong of one that is written.
 NOT_KEPT = ("major_brand", "minor_version", "compatible_brands", "encoder", FIELD_OF_VIEW)
@@ -77,7 +77,6 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
         return left_out
 
     def _add(self, stream: Stream, container: OutputContainer, out: Path) -> str | None:
-        """Add a stream like one of the source, or name one that the file cannot hold; sound is refused."""
         kind = f"{stream.name or 'unknown'} {stream.type}" if stream.type in KEPT else stream.type
         try:
             if stream.type not in KEPT or (stream.type == "attachment" and out.suffix.lower() != ".mkv"):
@@ -109,7 +108,6 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
             self._next = self._read()
 
     def _read(self) -> Packet[Any] | None:
-        """Return the next packet that holds anything, None at the end."""
         try:
             return next((p for p in self._packets if p.size and p.dts is not None), None)
         except FFmpegError as error:

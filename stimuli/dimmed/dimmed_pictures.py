@@ -19,10 +19,10 @@ from av.video.reformatter import ColorRange, ColorTrc
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.stimuli.dimmed.above_white import cut_above_white
 from evenlight.stimuli.dimmed.dimmed_samples import (
     Codes,
     Codings,
+    cut_above_white,
     dimmed_codes,
     dithered,
     fixed,
@@ -61,29 +61,17 @@ HDR = {ColorTrc.SMPTE2084: "HDR (PQ)", ColorTrc.ARIB_STD_B67: "HDR (HLG)"}
 
 @dataclass(frozen=True, slots=True)
 class PictureKind:
-    """What all pictures of a video have in common.
+    """What all pictures of a video have in common."""
 
-    Attributes
-    ----------
-    layout, bits : str, int
-        How Y', Cb, Cr are sampled ("420", "422", "444") or "rgb", and the bits of a sample.
-    width, height : int
-        [pixels]
-    tags : tuple of int
-        Range, matrix, primaries and transfer function of the colours (ITU-T H.273).
-    aspect : Fraction
-        Width of a pixel over its height.
-    turned : tuple of int or None
-        The display matrix.
-    """
-
+    # how Y', Cb, Cr are sampled ("420", "422", "444") or "rgb", and the bits of a sample
     layout: str
     bits: int
-    width: int
+    width: int  # [pixels]
     height: int
+    # range, matrix, primaries and transfer function of the colours (ITU-T H.273)
     tags: tuple[int, int, int, int]
-    aspect: Fraction = SQUARE
-    turned: tuple[int, ...] | None = None
+    aspect: Fraction = SQUARE  # width of a pixel over its height
+    turned: tuple[int, ...] | None = None  # the display matrix
 
     @property
     def pixel_format(self) -> str:
@@ -141,7 +129,6 @@ class DimmedPlanes:
             yield float(times[k]), [self._dimmed(planes, float(scale[number])) for scale in scales]
 
     def _dimmed(self, planes: Sequence[Codes], scale: float) -> list[Codes]:
-        """Return dimmed planes."""
         both = zip(planes, self._source, self.kind.codings, strict=True)
         return [dithered(dimmed_codes(scale, a, b)[plane], b.bits) for plane, a, b in both]
 
@@ -181,7 +168,6 @@ class DimmedPixels:
                 yield frame.time, [self._dimmed(pixels, float(scale[number])) for scale in scales]
 
     def _dimmed(self, pixels: Codes, scale: float) -> list[Codes]:
-        """Return dimmed planes."""
         codings = self.kind.codings
         if self.kind.layout == "rgb":
             codes = pixels if pixels.dtype.kind == "u" else np.rint(pixels * 65535).astype(np.uint16)
@@ -232,19 +218,16 @@ def dimmed_pictures(
 
 
 def _layout(picture: VideoFrame) -> str | None:
-    """Return how planar Y', Cb, Cr are sampled, None of any other format."""
     match = PLANAR.fullmatch(picture.format.name)
     return match and match[1]
 
 
 def _turned(picture: VideoFrame) -> tuple[int, ...] | None:
-    """Return the display matrix of a picture, None if it has none."""
     matrix = cast("SideData | None", picture.side_data.get("DISPLAYMATRIX"))
     return None if matrix is None else tuple(np.frombuffer(bytes(matrix), np.int32).tolist())
 
 
 def _looks(picture: VideoFrame) -> tuple[Any, ...]:
-    """Return what all pictures of a video must share."""
     return picture.width, picture.height, picture.format.name, picture.color_range
 
 

@@ -31,22 +31,6 @@ def pixel_scale(factors: ArrayLike, gamma: float) -> Array:
     return np.asarray(factors, dtype=np.float64) ** (1 / gamma)
 
 
-def dimmed_pixel_values(pixel_values: ArrayLike, factor: float, gamma: float) -> Array:
-    """Return gamma-encoded values L' of a frame whose light is multiplied by b, in float64.
-
-    Parameters
-    ----------
-    pixel_values : array_like, any shape
-        L', in [0, 1].
-    factor, gamma : float
-        b, and γ of the display.
-
-    >>> dimmed_pixel_values([0.0, 0.5, 1.0], 0.25, gamma=2.0).tolist()
-    [0.0, 0.25, 0.5]
-    """
-    return np.asarray(pixel_values, dtype=np.float64) * pixel_scale(factor, gamma)
-
-
 def version_factors(loaded: LoadedTrack, version: DimmedVersion) -> Array:
     """Return the factors of each frame (N,) of a version of a video."""
     factors = np.asarray(loaded.track.factors)

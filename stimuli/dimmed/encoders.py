@@ -12,30 +12,14 @@ from evenlight.stimuli.video.video_writer import FFV1_OPTIONS
 
 @dataclass(frozen=True, slots=True)
 class Encoder:
-    """An encoder and its settings.
+    """An encoder and its settings."""
 
-    Attributes
-    ----------
-    name : str
-        FFmpeg's.
-    bits : tuple of int
-        A sample may have; of a deeper source the deepest is taken.
-    layouts : tuple of str
-        How Y', Cb, Cr are sampled that it takes.
-    endings : tuple of str
-        Files that can hold what it writes.
-    options : dict of str to str
-        Its settings.
-    tag : str or None
-        The codec's name in MP4, where players want another than FFmpeg's usual one.
-    """
-
-    name: str
-    bits: tuple[int, ...]
-    layouts: tuple[str, ...]
-    endings: tuple[str, ...]
+    name: str  # FFmpeg's
+    bits: tuple[int, ...]  # a sample may have; of a deeper source the deepest is taken
+    layouts: tuple[str, ...]  # how Y', Cb, Cr are sampled that it takes
+    endings: tuple[str, ...]  # files that can hold what it writes
     options: dict[str, str] = field(default_factory=dict)
-    tag: str | None = None
+    tag: str | None = None  # the codec's name in MP4, where players want another than FFmpeg's usual one
 
     def bits_for(self, source: int) -> int:
         """Return the bits that samples of a source are written with: no fewer where there are as many."""

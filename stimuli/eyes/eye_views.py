@@ -54,6 +54,5 @@ def head_direction(head: Pose) -> tuple[float, float]:
 
 
 def _vector(array: Floats) -> Vector:
-    """Return three numbers as plain ones."""
     x, y, z = array.tolist()
     return x, y, z

@@ -1,7 +1,7 @@
 """Draws a Landolt ring into the picture of a scene, wherever one looks, and holds the places of rings.
 
 Along a camera path there are three places at each keypoint. They are chosen once
-(`stimuli.rings.ring_places`) and stored beside the path, so that every participant and every laboratory
+(`examples/choose_ring_places.py`) and stored beside the path, so that every participant and every laboratory
 searches for the same rings, and a session needs no rendering before it can be planned.
 """
 
@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,93 +36,17 @@ from evenlight.stimuli.scenes.content.catalogue import PATHS
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.engine.camera import Camera, View, focal_length_of
-from evenlight.stimuli.scenes.engine.graphics import WHOLE_VERTEX
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Vector
+from evenlight.stimuli.shaders import over_all, shader
 
 if TYPE_CHECKING:
     import moderngl
 
 SUBSAMPLES = 8  # along each side of a pixel: an edge is drawn within 1/16 pixel of its place
-# The scene's codes of 10 bits become pixel values over the 16-bit range, as `sequence_format.on_grid` has
-# them, row 0 on top. The ring's own are finer: at 0.5 cd/m^2, a step of 10 bits is 2.4 % of the light.
-RING_FRAGMENT = """
-#version 330
-uniform usampler2D codes;
-uniform bool there;
-uniform vec3 right;      // the ring's axes as the camera has them
-uniform vec3 up;
-uniform vec3 towards;
-uniform vec2 gap;        // cosine and sine of its direction
-uniform float size;      // of the gap, on the plane that touches the unit sphere at the ring
-uniform vec2 focal;      // [pixels] across and up
-uniform vec2 ahead;      // [pixels] where the camera points, from the lower left corner
-uniform vec3 eye;        // right, up and towards from where the ring was painted; 1 is the ring's distance
-uniform float outer;     // radius [gaps]
-uniform float black;     // [cd/m^2]
-uniform float white;
-uniform float gamma;
-uniform vec3 light;      // of the ring [cd/m^2]
-uniform uvec3 levels;    // its pixel values
-out uvec4 pixel_values;
-
-vec2 on_plane(vec2 pixel) {
-    vec3 ray = vec3((pixel - ahead) / focal, 1.0);
-    float depth = dot(ray, towards) / (1.0 - eye.z);
-    vec2 place = vec2(dot(ray, right), dot(ray, up)) + depth * eye.xy;
-    return depth > 0.0 ? place / (depth * size) : vec2(1e6);
-}
-
-bool covers(vec2 p) {
-    float along = dot(p, gap);
-    float beside = p.y * gap.x - p.x * gap.y;
-    float radius = length(p);
-    return radius <= outer && radius >= outer - 1.0 && !(along > 0.0 && abs(beside) < 0.5);
-}
-
-float coverage(vec2 corner) {
-    // A pixel is hardly larger than 1 / focal on the ring's plane, so those beyond its edge are left at once.
-    float margin = 2.0 * (1.0 - eye.z) / (min(focal.x, focal.y) * size);
-    if (length(on_plane(corner + 0.5)) > outer + margin) return 0.0;
-    int inside = 0;
-    for (int i = 0; i < SUBSAMPLES * SUBSAMPLES; ++i) {
-        vec2 within = (vec2(i % SUBSAMPLES, i / SUBSAMPLES) + 0.5) / float(SUBSAMPLES);
-        inside += covers(on_plane(corner + within)) ? 1 : 0;
-    }
-    return float(inside) / float(SUBSAMPLES * SUBSAMPLES);
-}
-
-void main() {
-    // The codes are read from below, as OpenGL draws; what is written counts its rows from the top.
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    pixel.y = textureSize(codes, 0).y - 1 - pixel.y;
-    uvec3 values = (texelFetch(codes, pixel, 0).rgb * 65535u + 511u) / 1023u;
-    float share = there ? coverage(vec2(pixel)) : 0.0;
-    if (share == 1.0) {
-        values = levels;
-    } else if (share > 0.0) {
-        vec3 scene = pow(vec3(values) / 65535.0, vec3(gamma)) * (white - black) + black;
-        vec3 mixed = max((mix(scene, light, share) - black) / (white - black), 0.0);
-        values = uvec3(pow(mixed, vec3(1.0 / gamma)) * 65535.0 + 0.5);
-    }
-    pixel_values = uvec4(values, 65535u);
-}
-""".replace("SUBSAMPLES", str(SUBSAMPLES))
 SUFFIX = ".rings.json"
 PLACES = 2  # at each keypoint: one for each version that a participant sees; there is one more for practice
 PRACTICE_SIZE = 2  # of a ring for practice, as a multiple of the design's
-
-
-class Pictures(Protocol):
-    """What draws a scene: `stimuli.scenes.renderer.SceneRenderer`."""
-
-    size: tuple[int, int]
-    codes: moderngl.Texture
-
-    def render(self, camera: View) -> None:
-        """Draw the scene's linear luminance."""
-
-    def encode(self) -> None:
-        """Draw its codes, 0 to 1023, into `codes`."""
 
 
 class RingScene:
@@ -132,20 +56,20 @@ class RingScene:
     ----------
     context : moderngl.Context
         That of the renderer.
-    renderer : Pictures
+    renderer : SceneRenderer
         Draws the scene.
     display : Display
         What shows it.
     """
 
-    def __init__(self, context: moderngl.Context, renderer: Pictures, display: Display) -> None:
+    def __init__(self, context: moderngl.Context, renderer: SceneRenderer, display: Display) -> None:
         self._context, self._renderer, self._display = context, renderer, display
         self.size = renderer.size
         self.texture = context.texture(self.size, 4, dtype="u2")
         self.texture.filter = graphics.NEAREST, graphics.NEAREST
         self._target = context.framebuffer(self.texture)
-        self._program = context.program(vertex_shader=WHOLE_VERTEX, fragment_shader=RING_FRAGMENT)
-        self._whole = context.vertex_array(self._program, [])
+        self._whole = over_all(context, shader("ring").replace("SUBSAMPLES", str(SUBSAMPLES)))
+        self._program = self._whole.program
         self._set(codes=0, outer=GAPS_IN_DIAMETER / 2, gamma=display.gamma)
         self._set(black=display.black_level, white=display.peak_luminance)
 
@@ -181,14 +105,6 @@ class RingScene:
         """
         return painted(ring, self.surroundings(ring, position), self._display)
 
-    def can_show(self, ring: Ring, surroundings: Surroundings) -> bool:
-        """Return whether the display reaches a ring's luminance."""
-        try:
-            painted(ring, surroundings, self._display)
-        except InputError:
-            return False
-        return True
-
     def draw(self, camera: View, painted_ring: PaintedRing | None = None) -> None:
         """Draw the scene, and the ring in it if one is given, into `texture`.
 
@@ -216,7 +132,6 @@ class RingScene:
             held.release()
 
     def _place(self, camera: View, painted_ring: PaintedRing) -> None:
-        """Tell the shader where the ring is, as the camera sees it."""
         ring, size = painted_ring.ring, np.array(self.size)
         axes = Camera(painted_ring.seen_from, ring.azimuth, ring.altitude).axes()
         seen = axes @ camera.axes().T
@@ -230,7 +145,6 @@ class RingScene:
         self._set(light=painted_ring.light, levels=levels_of(painted_ring.light, self._display))
 
     def _set(self, **uniforms: object) -> None:
-        """Set uniforms of the shader."""
         for name, value in uniforms.items():
             plain = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
             self._program[name].value = plain  # type: ignore[union-attr] # they are uniforms, all of them

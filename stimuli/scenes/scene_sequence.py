@@ -19,13 +19,13 @@ from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
 from evenlight.stimuli.scenes.engine.scene import SEED, Quality
 from evenlight.stimuli.scenes.gltf.gltf_file import sha256_of_gltf
-from evenlight.stimuli.sequence_format import SequenceFormat
+from evenlight.stimuli.sequence_format import BuiltInSequence, SequenceFormat
 
 FRAMES_PER_SECOND = 25.0
 
 
 @dataclass(frozen=True, slots=True)
-class SceneSequence:
+class SceneSequence(BuiltInSequence):
     """What is seen on a walk. Pixel values are 10 bits, encoded for a display with gamma 2.2.
 
     Attributes
@@ -42,7 +42,6 @@ class SceneSequence:
         Samples of each pixel.
     """
 
-    format: SequenceFormat
     path_name: str
     quality: Quality = Quality.FINE
     scene: str = ""
@@ -61,16 +60,6 @@ class SceneSequence:
     def name(self) -> str:
         """Short name for titles."""
         return self.path().name
-
-    @property
-    def n_frames(self) -> int:
-        """How many frames there are."""
-        return self.format.n_frames
-
-    @property
-    def field_of_view(self) -> float:
-        """Angle that the width is to span for the viewer [deg]."""
-        return self.format.field_of_view
 
     def path(self) -> CameraPath:
         """Return the camera path."""

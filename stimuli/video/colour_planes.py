@@ -75,7 +75,6 @@ class PixelReader:
             return self._convert.rgb(frame)
 
     def _planes(self, frame: VideoFrame, amid: tuple[bool, bool]) -> LumaChroma:
-        """Return the planes of a frame, which keep its memory, and by which it becomes R, G, B on demand."""
         luma, blue, red = planes_of(frame)
         full = frame.color_range == ColorRange.JPEG
         weights = LUMA_WEIGHTS[frame.colorspace]

@@ -144,11 +144,9 @@ class CurvesCache:
         self._parts += 1
 
     def _part(self, number: int) -> Path:
-        """Return the file of a part."""
         return self.folder / f"{self.key}.part-{number:05d}"
 
     def _write(self, write: Callable[[], None]) -> None:
-        """Write something, unless that failed before, and keep within the bound."""
         if self._refused:
             return
         try:
@@ -183,14 +181,12 @@ def used_now(path: Path) -> None:
 
 
 def _goes_on(last: AnalysedFrames, part: AnalysedFrames) -> bool:
-    """Whether a part begins with the content after another's last, and has the same columns."""
     follows = part.shown[0] == last.shown[-1] + 1 and part.times[0] > last.times[-1]
     floors = [None if floor is None else floor.shape[1] for floor in (last.floor, part.floor)]
     return bool(follows and part.rows.shape[1] == last.rows.shape[1] and floors[0] == floors[1])
 
 
 def _read_part(path: Path) -> AnalysedFrames | None:
-    """Return a part of an analysis; None if there is none that can be read."""
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return AnalysedFrames(**arrays)

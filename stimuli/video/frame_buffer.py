@@ -23,24 +23,12 @@ CAPACITY = 512 * 2**20  # bytes: 4 s of 1280x720 at 25 Hz and 10 bits, 7.7 s at 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LevelFrame:
-    """A frame as it goes to the graphics memory.
+    """A frame as it goes to the graphics memory."""
 
-    Attributes
-    ----------
-    index : int
-        Place in the video, from 0.
-    time : float
-        When it appears [s].
-    levels : array of uint8 or uint16, (height, width, 3)
-        Levels of its pixels, row 0 on top.
-    count : int
-        How many levels there are.
-    """
-
-    index: int
-    time: float
-    levels: NDArray[Any]
-    count: int
+    index: int  # place in the video, from 0
+    time: float  # when it appears [s]
+    levels: NDArray[Any]  # (height, width, 3): levels of its pixels, row 0 on top
+    count: int  # how many levels there are
 
 
 class FrameBuffer(AbstractContextManager["FrameBuffer"]):
@@ -118,7 +106,6 @@ class FrameBuffer(AbstractContextManager["FrameBuffer"]):
         self.close()
 
     def _decode(self) -> None:
-        """Fill the buffer; what goes wrong is kept for who asks for the frame."""
         failure: BaseException | None = None
         try:
             frames = self._source.frames()
@@ -148,11 +135,9 @@ class FrameBuffer(AbstractContextManager["FrameBuffer"]):
             return not self._closed
 
     def _seconds(self) -> float:
-        """Return from when to when the frames that are held reach [s]."""
         return self._frames[-1].time - self._frames[0].time if self._frames else 0.0
 
     def _is_full(self) -> bool:
-        """Whether another frame would take more memory than there is."""
         n, size = len(self._frames), self._frames[-1].levels.nbytes if self._frames else 0
         return n >= 2 and (n + 1) * size > self._capacity
 

@@ -90,7 +90,6 @@ class ColourConverter:
         return pixels if rest else np.ascontiguousarray(np.rot90(pixels, quarter_turns))
 
     def _shallow(self, frame: VideoFrame) -> NDArray[Any]:
-        """Convert up to 8 bits a channel with FFmpeg."""
         packed = "rgb24" if frame.format.is_rgb else "gbrp"  # to planes is 3 times as fast, and as exact
         target = "rgba" if _has_alpha(frame.format) else packed
         pixels: NDArray[Any] = self._reformat(frame, target).to_ndarray()
@@ -120,7 +119,6 @@ class ColourConverter:
         return levels
 
     def _reformat(self, frame: VideoFrame, target: str) -> VideoFrame:
-        """Change the pixel format, keeping the range of Y, Cb, Cr."""
         wanted = ColorRange(frame.color_range) if target.startswith("yuv") else ColorRange.JPEG
         return self._reformatter.reformat(
             frame,
@@ -132,7 +130,6 @@ class ColourConverter:
 
 
 def _depth(pixel_format: VideoFormat) -> int:
-    """Return the bits of the deepest channel; refuse floats and XYZ."""
     depth = max(component.bits for component in pixel_format.components)
     unknown = pixel_format.name.startswith("xyz") or "f16" in pixel_format.name  # half-precision floats
     if unknown or (depth > 8 and depth not in DEEP):
@@ -141,7 +138,6 @@ def _depth(pixel_format: VideoFormat) -> int:
 
 
 def _has_alpha(pixel_format: VideoFormat) -> bool:
-    """Whether pixels may be transparent; a palette's entries may be."""
     return pixel_format.has_palette or any(component.is_alpha for component in pixel_format.components)
 
 
@@ -164,7 +160,6 @@ def complete_tags(frame: VideoFrame) -> None:
 
 
 def _over_16_bits(codes: NDArray[Any], top: int) -> NDArray[np.uint16]:
-    """Scale whole numbers from 0..top to 0..65535, correctly rounded."""
     if top == 65535:
         return codes.astype(np.uint16)
     table = ((np.arange(top + 1) * 65535 + top // 2) // top).astype(np.uint16)
@@ -231,7 +226,6 @@ def planes_of(frame: VideoFrame) -> list[NDArray[Any]]:
 
 
 def _over_black(pixels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """Return R, G, B of R, G, B, alpha pixels in front of black."""
     product = pixels[..., :3] * pixels[..., 3:].astype(np.uint16)
     return ((product + 127) // 255).astype(np.uint8)
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -20,6 +19,7 @@ from evenlight.data_schema.storage.input_files import open_input, require_plain_
 from evenlight.data_schema.tracks.loss_curves import UNREADABLE
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 from evenlight.stimuli.video.video_file import decode_strictly
+from evenlight.stimuli.video.video_locations import natural_order
 from evenlight.stimuli.video.video_source import rate_from_number
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
@@ -123,20 +123,7 @@ def open_image_folder(path: Path, frames_per_second: float | None = None) -> Ima
     return ImageFolder(path, tuple(files), 25.0 if frames_per_second is None else frames_per_second)
 
 
-def natural_order(name: str) -> list[tuple[int, str]]:
-    """Return a sorting key in which numbers count as numbers.
-
-    >>> sorted(["frame10.png", "frame2.png", "frame1.png"], key=natural_order)
-    ['frame1.png', 'frame2.png', 'frame10.png']
-    """
-    parts = re.findall(r"[0-9]+|[^0-9]+", name)
-    return [(int(part), "") if part[0] in "0123456789" else (-1, part.casefold()) for part in parts] + [
-        (-2, name)
-    ]
-
-
 def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
-    """Read an image with FFmpeg, the first one if the file holds several."""
     require_plain_file(file, "an image")
     try:
         with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
@@ -154,7 +141,6 @@ def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
 
 
 def _read_array(file: Path) -> NDArray[Any]:
-    """Read a NumPy array of pixel values: floats in [0, 1], or integers of 8 or 16 bits over their range."""
     try:
         with open_input(file, "an array of pixel values") as stream:
             pixels: NDArray[Any] = np.load(stream, allow_pickle=False)

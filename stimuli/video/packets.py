@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from av.container import InputContainer
     from av.video.stream import VideoStream
 
-    from evenlight.stimuli.video.remote_file import VideoPath
+    from evenlight.stimuli.video.video_locations import VideoPath
 
 REMEDY = "give a whole copy of it, or one encoded again"
 FOOTER = 8  # bytes at the end of a slice: its size (3), an error status (1), parity that makes the CRC 0 (4)
@@ -33,8 +33,8 @@ _REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 def timeline_of(
     path: VideoPath, container: InputContainer, stream: VideoStream
-) -> tuple[FrameTimes, NDArray[np.int64] | None, NDArray[np.int64]]:
-    """Read all packets: return when their frames appear, rising stamps that tell them, those of key frames.
+) -> tuple[FrameTimes, NDArray[np.int64] | None]:
+    """Read all packets: return when their frames appear, and rising stamps if these tell them apart.
 
     Raises
     ------
@@ -50,7 +50,7 @@ def timeline_of(
     tick = stream.time_base or 1 / ASSUMED_RATE
     stamps = packets.stamps()
     if stamps is None:
-        return uniform_times(packets.count, rates[0] if rates else ASSUMED_RATE), None, np.empty(0, np.int64)
+        return uniform_times(packets.count, rates[0] if rates else ASSUMED_RATE), None
     if len(stamps) > 1 and stamps.min() == stamps.max():
         raise InputError(f"{path}: all its {len(stamps)} frames have the same time; {REMEDY}")
     times = frame_times(stamps, tick, packets.last_duration, rates)
@@ -61,7 +61,7 @@ def timeline_of(
             f"{path} is cut off: it ends at {end:.3f} s instead of {promised_end:.3f} s; {REMEDY}"
         )
     rising = np.sort(stamps)
-    return times, rising if (np.diff(rising) > 0).all() else None, np.sort(packets.keys)
+    return times, rising if (np.diff(rising) > 0).all() else None
 
 
 @dataclass(slots=True)
@@ -70,7 +70,6 @@ class _Packets:
 
     shown: array[int] = field(default_factory=lambda: array("q"))
     decoded: array[int] = field(default_factory=lambda: array("q"))
-    keys: array[int] = field(default_factory=lambda: array("q"))  # when key frames are shown
     count: int = 0
     cut_away: int = 0  # by the container's edit list
     last_duration: int = 0
@@ -91,7 +90,6 @@ class _Packets:
 
 
 def _read_packets(path: VideoPath, container: InputContainer, stream: VideoStream) -> _Packets:
-    """Read all packets of a stream without decoding them."""
     packets, latest = _Packets(), None
     try:
         for packet in container.demux(stream):
@@ -105,8 +103,6 @@ def _read_packets(path: VideoPath, container: InputContainer, stream: VideoStrea
             packets.count += 1
             if packet.pts is not None:
                 packets.shown.append(packet.pts)
-                if packet.is_keyframe:
-                    packets.keys.append(packet.pts)
                 if latest is None or packet.pts >= latest:
                     latest, packets.last_duration = packet.pts, packet.duration or 0
             if packet.dts is not None:

@@ -18,7 +18,7 @@ from evenlight.data_schema.errors import InputError
 if TYPE_CHECKING:
     from av.video.stream import VideoStream
 
-    from evenlight.stimuli.video.remote_file import VideoPath
+    from evenlight.stimuli.video.video_locations import VideoPath
     from evenlight.stimuli.video.video_source import VideoSource
 
 SQUARE = Fraction(1)

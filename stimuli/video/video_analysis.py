@@ -12,7 +12,7 @@ from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.method.choices import FULL_ANALYSIS, AnalysisEffort
+from evenlight.method.choices import ONE_CORE, AnalysisEffort
 from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.contrast.pixel_floor import FlooredFrames
@@ -39,7 +39,7 @@ class VideoAnalysis:
     factors: Array = field(default_factory=brightness_factors)
     actuator: Actuator = Actuator.BACKLIGHT
     provenance: Provenance | None = None
-    effort: AnalysisEffort = FULL_ANALYSIS
+    effort: AnalysisEffort = ONE_CORE
 
     def curves(
         self,
@@ -93,7 +93,7 @@ class VideoAnalysis:
             "contrast_model": sha256_of_record(self.model),
             "factors": self.factors.tolist(),
             "actuator": self.actuator.value,
-            "effort": [self.effort.tolerance, self.effort.device.value],
+            "device": self.effort.device.value,
             "versions": made.versions,
         }
         return CurvesCache.of(made_of, say)
@@ -102,7 +102,6 @@ class VideoAnalysis:
 def _with_floor(
     keep: Callable[[AnalysedFrames], None], floored: FlooredFrames
 ) -> Callable[[AnalysedFrames], None]:
-    """Return what keeps frames with what the pixels' floor adds to their losses."""
     end = 0 if floored.earlier is None else len(floored.earlier)
 
     def keep_with_floor(part: AnalysedFrames) -> None:

@@ -28,8 +28,8 @@ from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.packets import REMEDY, timeline_of
-from evenlight.stimuli.video.remote_file import RemoteFile, VideoPath
 from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
+from evenlight.stimuli.video.video_locations import RemoteFile, VideoPath
 from evenlight.stimuli.video.video_source import FrameTimes
 
 if TYPE_CHECKING:
@@ -63,8 +63,6 @@ class VideoFile:
         Angle that the width is to span for the viewer [deg]; None if the file does not say.
     stamps : array of int, (frames,), or None
         Time stamps of its frames, rising [ticks]; None where they do not tell them apart.
-    key_stamps : array of int, (key frames,)
-        Those of frames that need no other to be decoded, as far as they are known.
     """
 
     path: VideoPath
@@ -72,9 +70,6 @@ class VideoFile:
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
     stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
-    key_stamps: NDArray[np.int64] = field(
-        default_factory=lambda: np.empty(0, np.int64), compare=False, repr=False
-    )
     _known_sha256: list[str] = field(default_factory=list, init=False, compare=False, repr=False)
 
     @property
@@ -86,15 +81,6 @@ class VideoFile:
     def n_frames(self) -> int:
         """How many frames are shown."""
         return self.timeline.shown
-
-    @property
-    def key_frames(self) -> NDArray[np.intp]:
-        """The numbers of its key frames, of those that are seen, rising; empty where frames are not told."""
-        if self.stamps is None:
-            return np.empty(0, np.intp)
-        seen = self.timeline.durations > 0
-        found = np.flatnonzero(np.isin(self.stamps, self.key_stamps) & seen)
-        return (np.cumsum(seen) - 1)[found]
 
     def sha256(self) -> str:
         """Return the SHA-256 of the file, which is read for it once."""
@@ -129,13 +115,6 @@ class VideoFile:
             yield from itertools.islice(self._frames_from(first), count)
 
     def _frames_from(self, first: int) -> Iterator[Frame]:
-        """Yield the frames from one on.
-
-        Raises
-        ------
-        InputError
-            If a frame is damaged or missing, or differs in size from the first one.
-        """
         times, durations = self.timeline.times, self.timeline.durations
         reader, shape = PixelReader(self.pixel_aspect), None
         for k, picture in self.pictures(first):
@@ -184,7 +163,6 @@ class VideoFile:
 
     @contextmanager
     def _decoded_from(self, first: int) -> Iterator[Iterator[av.VideoFrame]]:
-        """Yield the decoded frames from one of the file's on."""
         for seconds in SEEK_BACK if first > 0 and self.stamps is not None else ():
             with opened_container(self.path) as container:
                 pictures = self._sought(container, first, seconds)
@@ -218,7 +196,6 @@ class VideoFile:
         return None
 
     def _decoded(self, container: InputContainer, sought: bool = False) -> Iterator[av.VideoFrame]:
-        """Yield decoded frames; stop at the first that the decoder reports as damaged."""
         stream = video_stream_of(self.path, container)
         if stream.codec_context.name in DECODED_SIDE_BY_SIDE:
             stream.thread_type = "FRAME"
@@ -253,12 +230,11 @@ def open_video_file(path: VideoPath) -> VideoFile:
     with opened_container(path) as container:
         stream = video_stream_of(path, container)
         aspect = pixel_aspect_of(path, stream)
-        timeline, stamps, keys = timeline_of(path, container, stream)
-        return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps, keys)
+        timeline, stamps = timeline_of(path, container, stream)
+        return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps)
 
 
 def _field_of_view(path: VideoPath, container: InputContainer) -> float | None:
-    """Return the field of view that a file was rendered for [deg], None if it does not say."""
     tag = container.metadata.get(FIELD_OF_VIEW)
     if tag is None:
         return None

@@ -101,7 +101,6 @@ def told_by_name(path: Path) -> Iterator[None]:
 
 
 def _picture(pixels: NDArray[Any], bits: int, stream: VideoStream) -> VideoFrame:
-    """Return a frame in the pixel format of the stream; every conversion keeps the values as they are."""
     if pixels.dtype not in (np.uint8, np.uint16) or (bits == 8) != (pixels.dtype == np.uint8):
         raise ValueError(f"need uint8 for 8 bits and uint16 for more, got {pixels.dtype} for {bits} bits")
     if pixels.shape != (stream.height, stream.width, 3):

@@ -11,27 +11,24 @@ from hypothesis import strategies as st
 from scipy import integrate, stats
 from statsmodels.stats.proportion import binom_tost, proportion_confint
 
-from evenlight.analysis.inference.binomial_power import (
+from evenlight.analysis.inference.binomial_tests import (
     answers_for_equivalence,
     answers_to_find,
-    difference_power,
-    equivalence_power,
-    interval_coverage,
-    lower_critical,
-    margin_shown,
-    smallest_margin_ever,
-    smallest_share_found,
-)
-from evenlight.analysis.inference.binomial_tests import (
     bayes_factor,
     bayes_factor_within,
     clopper_pearson,
+    difference_power,
     equivalence_p,
+    equivalence_power,
     exact_p,
-    infer_share,
+    interval_coverage,
+    lower_critical,
+    margin_shown,
     mid_p_interval,
     posterior_within,
     smallest_margin,
+    smallest_margin_ever,
+    smallest_share_found,
 )
 
 counts = st.integers(1, 90).flatmap(lambda n: st.tuples(st.integers(0, n), st.just(n)))
@@ -110,11 +107,11 @@ def test_bayes_factors_are_ratios_of_integrated_likelihoods(k: int, n: int) -> N
 
 
 def test_bayes_factors_stay_finite_for_thousands_of_answers() -> None:
-    found = infer_share(5000, 10000, 0.15)
-    assert math.isfinite(found.bayes_factor)
-    assert math.isfinite(found.bayes_factor_within)
-    assert found.bayes_factor > 50  # sqrt(2 n / pi) = 79.8 for an even division, by Stirling
-    assert infer_share(0, 10000, 0.15).bayes_factor == 0.0
+    even = bayes_factor(5000, 10000)
+    assert math.isfinite(even)
+    assert math.isfinite(bayes_factor_within(5000, 10000, 0.15))
+    assert even > 50  # sqrt(2 n / pi) = 79.8 for an even division, by Stirling
+    assert bayes_factor(0, 10000) == 0.0
 
 
 @pytest.mark.parametrize("n", [1, 5, 17, 68])
@@ -181,7 +178,7 @@ def test_the_answers_that_show_equivalence_do_so_from_there_on(margin: float) ->
 
 def test_what_no_number_of_answers_shows_has_no_number() -> None:
     assert answers_to_find(0.505, 0.8) is None  # (2.8 / 0.01)² = 78 400
-    assert answers_for_equivalence(0.1, 0.8, share=0.6) is None  # at the margin: 5 % at most
+    assert answers_for_equivalence(0.005, 0.8) is None  # (2.9 / 0.01)² = 85 600
     assert smallest_share_found(5, 0.8) is None
 
 

@@ -1,17 +1,16 @@
-"""The calibration: one task, everybody's consistency, three estimates of each level, and its speed."""
+"""The calibration: one task, everybody's consistency, three estimates of each level."""
 
 import itertools
 import json
 import math
-import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.calibration import calibrate, trials_of_one_task
-from evenlight.analysis.calibration.fit_summary import summary_of
+from evenlight.analysis.calibration.calibration import Calibration, calibrate, trials_of_one_task
+from evenlight.analysis.calibration.fit_report import summary_of
 from evenlight.analysis.calibration.level_estimates import difference_in_words, estimate_levels
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
@@ -100,8 +99,13 @@ def six() -> list[RampTrial]:
     return people(6, np.random.default_rng(1), levels=LEVELS[:4])
 
 
-def test_each_level_has_three_estimates_and_the_pooled_one_is_the_highest(six: list[RampTrial]) -> None:
-    calibration = calibrate(data(six), LINE)
+@pytest.fixture(scope="module")
+def calibration(six: list[RampTrial]) -> Calibration:
+    return calibrate(data(six), LINE)
+
+
+def test_each_level_has_three_estimates_and_the_pooled_one_is_the_highest(calibration: Calibration) -> None:
+    assert all(fit.goodness is not None for fit in calibration.thresholds)
     assert [level.level.luminance for level in calibration.levels] == [40.0, 30.0, 20.0, 10.0]
     for level in calibration.levels:
         assert level.n_participants == 6
@@ -115,8 +119,7 @@ def test_each_level_has_three_estimates_and_the_pooled_one_is_the_highest(six: l
     assert words.startswith("on average over 4 levels, the pooled fit lies ")
 
 
-def test_the_summary_holds_what_a_report_needs_and_is_plain_json(six: list[RampTrial]) -> None:
-    calibration = calibrate(data(six), LINE)
+def test_the_summary_holds_what_a_report_needs_and_is_plain_json(calibration: Calibration) -> None:
     assert repr(calibration) == "<Calibration of 6 participants: 24 thresholds, yes_no>"
     summary = json.loads(json.dumps(summary_of(calibration, Provenance())))
     assert len(summary["levels"]) == 4
@@ -192,14 +195,3 @@ def test_who_says_yes_to_nothing_is_kept_out_of_the_random_threshold(six: list[R
         assert level.random is not None
         assert level.random.n_participants == 6
         assert level.n_participants == 7
-
-
-@pytest.mark.slow
-def test_a_data_set_of_20_participants_and_10_levels_is_fitted_in_15_seconds_of_one_core() -> None:
-    trials = people(20, np.random.default_rng(7))
-    start = time.process_time()
-    calibration = calibrate(data(trials))
-    assert time.process_time() - start < 15.0
-    assert len(calibration.thresholds) == 200
-    assert all(fit.goodness is not None for fit in calibration.thresholds)
-    assert all(level.random is not None for level in calibration.levels)

@@ -11,21 +11,24 @@ from matplotlib.figure import Figure
 
 from evenlight.analysis.calibration.psychometric.psychometric_figure import (
     by_level,
-    pooled_answers,
+    drawn_answers,
     psychometric_figure,
 )
 from evenlight.analysis.calibration.psychometric.thresholds import ThresholdFit, fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means, rate_limit_figure
-from evenlight.analysis.figure_style import COLUMN, LIMIT, PAGE, PARTICIPANT, SLIDE, FigureFormat, png_bytes
+from evenlight.analysis.figure_style import (
+    LIMIT,
+    MUTED,
+    PAGE,
+    PARTICIPANT,
+    FigureFormat,
+    png_bytes,
+)
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import yes_probability
 from evenlight.method.rate_limit import rate_limit_at
-
-MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)
-
 
 RATES = (0.2, 0.6, 1.2, 2.4)
 
@@ -54,14 +57,14 @@ def fits() -> list[ThresholdFit]:
 
 def test_answers_are_pooled_over_the_participants_of_a_level(fits: list[ThresholdFit]) -> None:
     (own,) = (group for level, group in by_level(fits).items() if level.factor == 0.5)
-    rates, yes, trials = pooled_answers(own)
+    rates, yes, trials = drawn_answers(own)
     np.testing.assert_allclose(rates, np.multiply(RATES, 100 / 20.0))  # %/s of 20 cd/m^2
     assert yes.tolist() == [1, 5, 11, 12]
     assert trials.tolist() == [12, 12, 12, 12]
 
 
 def test_each_participant_is_drawn_once_in_each_panel_and_as_fitted(fits: list[ThresholdFit]) -> None:
-    figure = psychometric_figure(fits, medium=SMALL)
+    figure = psychometric_figure(fits)[0]
     panels = [axes for axes in figure.axes if axes.collections]
     assert len(panels) == 2
     levels = sorted(by_level(fits).items(), key=lambda item: item[0].luminance)
@@ -80,25 +83,24 @@ def test_a_threshold_that_cannot_be_used_is_hollow_and_not_in_the_mean(
     usable = next(
         f.threshold for f in fits if f.threshold.factor == 1.0 and f.threshold.participant_id == "01"
     )
-    figure = psychometric_figure(fits, medium=SMALL)
+    figure = psychometric_figure(fits)[0]
     dots = [line for axes in figure.axes for line in axes.lines if line.get_marker() == "o"]
-    hollow = [line.get_xdata()[0] for line in dots if line.get_markerfacecolor() == "white"]
+    hollow = [line.get_xdata()[1] for line in dots if line.get_markerfacecolor() == "white"]
     assert hollow == [pytest.approx(100 * unseen.threshold / unseen.luminance)]
     written = texts_on(figure)
     assert f"{usable.threshold:.3g} cd/m²/s" in written
 
 
-@MEDIA
-def test_the_psychometric_functions_are_legible_in_every_medium(
-    fits: list[ThresholdFit], medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
+def test_the_psychometric_functions_are_legible(
+    fits: list[ThresholdFit], require_legible: Callable[[Figure, FigureFormat], None]
 ) -> None:
-    require_legible(psychometric_figure(fits, simulated=True, medium=medium), medium)
+    require_legible(psychometric_figure(fits, simulated=True)[0], PAGE)
 
 
 def test_a_participants_catch_trials_are_counted_once(
     fits: list[ThresholdFit], texts_on: Callable[[Figure], list[str]]
 ) -> None:
-    written = " ".join(texts_on(psychometric_figure(fits, medium=SMALL)))
+    written = " ".join(texts_on(psychometric_figure(fits)[0]))
     assert "96 ramps and 40 catch trials" in written  # 2 participants at 2 levels, with 24 and 10 at each
 
 
@@ -128,16 +130,26 @@ def test_one_participants_level_has_the_interval_of_the_threshold() -> None:
 def test_a_wide_interval_of_a_level_does_not_stretch_the_axis(people: int, bars: int, arrows: int) -> None:
     """Of two people no interval is drawn; of four, one that leaves the axis (1 to 9 cd/m²/s) has an arrow."""
     shown = thresholds({f"{k}": [9.0 if k else 1.0] for k in range(people)})
-    axes = rate_limit_figure(load_rate_limit("surace2025"), shown, medium=SMALL).axes[0]
+    axes = rate_limit_figure(load_rate_limit("surace2025"), shown)[0].axes[0]
     assert axes.get_ylim()[1] < 12
     assert len([bar for bar in axes.containers if bar.has_yerr]) == bars
     assert sum(len(line.get_xdata()) for line in axes.lines if line.get_marker() == "^") == arrows
 
 
+def test_a_threshold_that_is_left_out_does_not_stretch_the_axis() -> None:
+    shown = thresholds({"01": [0.3, 0.6], "02": [0.5, 0.9]})
+    unseen = thresholds({"03": [0.2, 20.0]}, ThresholdFlag.ALL_NO)  # the second lies far above the band
+    axes = rate_limit_figure(load_rate_limit("surace2025"), [*shown, *unseen])[0].axes[0]
+    assert axes.get_ylim()[1] < 12
+    marks = {line.get_marker(): line.get_xdata() for line in axes.lines if line.get_color() == MUTED}
+    assert marks["x"] == [unseen[0].luminance]
+    assert marks["^"] == [unseen[1].luminance]
+
+
 def test_the_curve_is_the_limit_and_dashed_only_outside_the_measured_range() -> None:
     limit = load_rate_limit("surace2025")
     low, high = limit.luminance_range
-    axes = rate_limit_figure(limit, medium=SMALL).axes[0]
+    axes = rate_limit_figure(limit)[0].axes[0]
     curves = [line for line in axes.lines if line.get_color() == LIMIT]
     assert len(curves) == 3
     for line in curves:
@@ -150,7 +162,7 @@ def test_the_curve_is_the_limit_and_dashed_only_outside_the_measured_range() -> 
 def test_every_threshold_and_the_whole_band_have_room() -> None:
     limit = load_rate_limit("surace2025")
     made = thresholds({"01": [0.3, 0.6, 1.0], "02": [0.5, 9.0, 2.0]})
-    axes = rate_limit_figure(limit, made, medium=SMALL).axes[0]
+    axes = rate_limit_figure(limit, made)[0].axes[0]
     (right, top) = axes.get_xlim()[1], axes.get_ylim()[1]
     assert right > limit.luminance_range[1]
     assert top > max(9.0, *limit.band_upper)
@@ -163,7 +175,7 @@ def test_simulated_participants_are_called_so_and_others_are_not(
     made = thresholds({"01": [0.3, 0.6], "02": [0.5, 0.9]})
     for simulated in (True, False):
         named = dataclasses.replace(limit, simulated=simulated)
-        words = " ".join(texts_on(rate_limit_figure(named, made, medium=SMALL)))
+        words = " ".join(texts_on(rate_limit_figure(named, made)[0]))
         assert ("2 simulated participants" in words) == simulated
 
 
@@ -175,17 +187,14 @@ def test_the_title_says_what_happens_at_the_limit(
     procedure: Procedure, words: str, texts_on: Callable[[Figure], list[str]]
 ) -> None:
     limit = dataclasses.replace(load_rate_limit("surace2025"), procedure=procedure)
-    assert words in " ".join(texts_on(rate_limit_figure(limit, medium=SMALL)))
+    assert words in " ".join(texts_on(rate_limit_figure(limit)[0]))
 
 
-@MEDIA
-def test_the_rate_limit_is_legible_in_every_medium(
-    medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
-) -> None:
+def test_the_rate_limit_is_legible(require_legible: Callable[[Figure, FigureFormat], None]) -> None:
     limit = load_rate_limit("surace2025")
     made = thresholds({"01": [0.3, 0.6], "02": [0.5, 0.9]})
     made += thresholds({"03": [2.5]}, ThresholdFlag.ALL_NO)
-    require_legible(rate_limit_figure(limit, made, limit, medium), medium)
+    require_legible(rate_limit_figure(limit, made, limit)[0], PAGE)
 
 
 def test_a_limit_without_band_and_points_is_drawn() -> None:
@@ -193,4 +202,4 @@ def test_a_limit_without_band_and_points_is_drawn() -> None:
         load_rate_limit("surace2025"), band_luminance=(), band_lower=(), band_upper=(),
         point_luminance=(), point_rate=(),
     )  # fmt: skip
-    assert png_bytes(rate_limit_figure(bare, medium=SMALL)).startswith(b"\x89PNG")
+    assert png_bytes(rate_limit_figure(bare)[0]).startswith(b"\x89PNG")

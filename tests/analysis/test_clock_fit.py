@@ -13,14 +13,14 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from played_power_truth import Conditions, Truth, chosen, play
 
-from evenlight.analysis.measurement.played_power.clock_fit import (
+from evenlight.analysis.played_power.clock_fit import (
     changes_of,
     fit_arrivals,
     fit_clock,
     fit_pings,
 )
-from evenlight.analysis.measurement.played_power.clock_line import ClockLine, ClockWindows, line_of
-from evenlight.analysis.measurement.played_power.power_recording import Samples
+from evenlight.analysis.played_power.clock_line import ClockLine, ClockWindows, line_of
+from evenlight.analysis.played_power.power_recording import Samples
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.played_power import ClockFit, ClockFlag, ClockMethod
 
@@ -39,7 +39,7 @@ def changed(known: Truth, **changes: Any) -> ClockFit:
 
 
 def with_sync(known: Truth, level: NDArray[np.bool_]) -> Samples:
-    return dataclasses.replace(known.recording.samples, sync=level)
+    return known.recording.samples._replace(sync=level)
 
 
 def off(known: Truth, clock: ClockFit) -> float:
@@ -59,8 +59,8 @@ def pings_of(line: ClockLine, at: Array, out: Array, back: Array) -> Array:
 def test_pings_without_delay_give_the_clock() -> None:
     line, at, no = ClockLine(5.0, 1000.0, 80e-6), np.array([0.0, 10.0, 20.0]), np.zeros(3)
     found = fit_pings(pings_of(line, at, no, no), (0.0, 20.0))
-    assert found.line.drift == pytest.approx(80e-6, abs=1e-9)
-    assert found.line.to_computer(5.0) == pytest.approx(1005.0, abs=1e-8)
+    assert line_of(found).drift == pytest.approx(80e-6, abs=1e-9)
+    assert line_of(found).to_computer(5.0) == pytest.approx(1005.0, abs=1e-8)
     assert found.bound == pytest.approx(0.0, abs=1e-7)
 
 
@@ -75,7 +75,7 @@ def test_whatever_pings_take_the_clock_is_within_its_bound(
     out, back = np.array(legs).T
     found = fit_pings(pings_of(line, at, out, back), (0.0, float(at[-1])))
     assert found.bound is not None
-    assert np.abs(found.line.to_computer(at) - line.to_computer(at)).max() <= found.bound + 1e-7
+    assert np.abs(line_of(found).to_computer(at) - line.to_computer(at)).max() <= found.bound + 1e-7
 
 
 def test_slow_pings_do_not_bear_on_the_clock() -> None:
@@ -86,7 +86,7 @@ def test_slow_pings_do_not_bear_on_the_clock() -> None:
     back[::2] += 0.5
     quick = fit_pings(pings_of(line, at, out, back)[1::2], (0.0, 60.0))
     every = fit_pings(pings_of(line, at, out, back), (0.0, 60.0))
-    assert every.line.to_computer(at) == pytest.approx(quick.line.to_computer(at), abs=1e-7)
+    assert line_of(every).to_computer(at) == pytest.approx(line_of(quick).to_computer(at), abs=1e-7)
 
 
 def test_a_ping_that_contradicts_the_others_is_left_out_and_counted() -> None:
@@ -95,7 +95,7 @@ def test_a_ping_that_contradicts_the_others_is_left_out_and_counted() -> None:
     pings[4, 1] += 0.3  # its clock cannot have been that late
     found = fit_pings(pings, (0.0, 60.0))
     assert (found.n_used, found.n_rejected, found.flags) == (9, 1, ())
-    assert found.line.drift == pytest.approx(50e-6, abs=1e-6)
+    assert line_of(found).drift == pytest.approx(50e-6, abs=1e-6)
 
 
 def test_a_clock_that_bends_is_flagged_and_its_bound_reaches_the_bend() -> None:
@@ -105,13 +105,13 @@ def test_a_clock_that_bends_is_flagged_and_its_bound_reaches_the_bend() -> None:
     found = fit_pings(np.column_stack([bent - leg, at, bent + leg]), (0.0, 60.0))
     assert ClockFlag.NOT_LINEAR in found.flags
     assert found.bound is not None
-    assert found.bound >= np.abs(found.line.to_computer(at) - bent).max() - 1e-6
+    assert found.bound >= np.abs(line_of(found).to_computer(at) - bent).max() - 1e-6
 
 
 def test_one_ping_gives_the_offset_and_no_drift() -> None:
     found = fit_pings(np.array([[100.0, 7.0, 100.004]]), (7.0, 7.0))
-    assert found.line.to_computer(7.0) == pytest.approx(100.002)
-    assert found.line.drift == 0
+    assert line_of(found).to_computer(7.0) == pytest.approx(100.002)
+    assert line_of(found).drift == 0
     assert found.bound == pytest.approx(0.002, abs=1e-6)
     assert found.flags == (ClockFlag.OFFSET_ONLY,)
 
@@ -213,7 +213,7 @@ def test_flips_with_errors_of_their_own_still_give_the_clock() -> None:
     """2 ms of jitter in what the driver says: no line is between all samples, the weighted one is taken."""
     flips = truth().recording.flips
     rng = np.random.default_rng(5)
-    late = dataclasses.replace(flips, flip=flips.flip + rng.uniform(-0.001, 0.001, len(flips.flip)))
+    late = flips._replace(flip=flips.flip + rng.uniform(-0.001, 0.001, len(flips.flip)))
     clock = changed(truth(), flips=late)
     assert clock.method is ClockMethod.EDGES
     assert off(truth(), clock) < 0.0015
@@ -249,7 +249,7 @@ def test_a_panel_whose_power_does_not_follow_gives_no_marker() -> None:
     known = truth(dataclasses.replace(CLIP, has_sync=False, has_pings=False))
     rng = np.random.default_rng(6)
     samples = known.recording.samples
-    flat = dataclasses.replace(samples, power=1 + 0.01 * rng.normal(size=len(samples.power)))
+    flat = samples._replace(power=1 + 0.01 * rng.normal(size=len(samples.power)))
     clock = changed(known, samples=flat)
     assert clock.method is ClockMethod.ARRIVALS
     assert clock.flags == (ClockFlag.FLASHES_NOT_FOUND, ClockFlag.UNKNOWN_LATENCY)
@@ -262,7 +262,7 @@ def test_a_panel_whose_power_does_not_follow_gives_no_marker() -> None:
 def test_samples_that_carry_the_computers_time_are_taken_at_their_word() -> None:
     known = truth(dataclasses.replace(DEAF, has_sync=False))
     samples = known.recording.samples
-    own = dataclasses.replace(samples, device_time=known.to_computer(samples.device_time))
+    own = samples._replace(device_time=known.to_computer(samples.device_time))
     clock = changed(known, samples=own)
     assert (clock.method, clock.offset, clock.drift_ppm) == (ClockMethod.COMPUTER_TIME, 0.0, 0.0)
     assert clock.flags == (ClockFlag.UNKNOWN_LATENCY,)
@@ -281,7 +281,7 @@ def test_a_few_samples_have_a_line_below_their_arrivals() -> None:
     time = np.array([0.0, 1.0, 2.0, 3.0])
     delays = np.array([3.0, 1.0, 2.0, 1.5])
     samples = Samples(np.arange(4), time, time + delays, np.ones(4), np.zeros(4, dtype=bool))
-    line = fit_arrivals(samples).line
+    line = line_of(fit_arrivals(samples))
     assert line.drift == pytest.approx(0.25)
     assert line.to_computer([1.0, 3.0]).tolist() == pytest.approx([2.0, 4.5])
 

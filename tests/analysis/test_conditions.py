@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.calibration.rate_limit.conditions import Condition
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import LuminanceAbscissa, RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -122,15 +122,6 @@ def test_the_interval_of_a_ratio_holds_the_truth_even_if_people_differ_in_it(per
     assert np.mean(inside) >= 0.86
 
 
-def test_the_final_luminance_of_a_rising_ramp_lies_above_the_initial_one() -> None:
-    options = RateLimitOptions(RateLimitForm.LOG_LOG, 1, abscissa=LuminanceAbscissa.FINAL)
-    falling = fit_thresholds(thresholds({TEN: 1.0}), DISPLAY, options).limit
-    rising = fit_thresholds(thresholds({Condition(Direction.UP, 10.0): 1.0}), DISPLAY, options).limit
-    # 3 %/s for 10 s: 30 % down or up, from the participants' geometric mean.
-    assert falling.luminance_range == pytest.approx((7.0, 70.0))
-    assert rising.luminance_range == pytest.approx((13.0, 130.0))
-
-
 def test_a_condition_that_is_not_there_is_named_with_those_that_are() -> None:
     options = RateLimitOptions(RateLimitForm.LOG_LOG, 1, direction=Direction.UP, ramp_duration=20.0)
     for rows in (thresholds({FIVE: 1.0}), thresholds({FIVE: 1.0, TEN: 0.5})):
@@ -141,14 +132,12 @@ def test_a_condition_that_is_not_there_is_named_with_those_that_are() -> None:
         assert "\n" not in str(e.value)
 
 
-def test_both_tasks_at_once_are_refused() -> None:
-    rows = [row("01", L, 0.03 * L, FIVE) for L in LEVELS]
-    rows += [row("01", L, 0.02 * L, FIVE, Procedure.TWO_INTERVAL) for L in LEVELS]
-    with pytest.raises(InputError, match=r"two_interval and yes_no do not compare.*choose the procedure"):
-        fit_thresholds(rows, DISPLAY, LINE)
-
-
 def test_conditions_that_share_no_luminance_cannot_be_told_from_the_curve() -> None:
     rows = thresholds({FIVE: 1.0}, levels=LEVELS[:2]) + thresholds({TEN: 0.5}, levels=LEVELS[2:])
     with pytest.raises(InputError, match="cannot be separated from the curve's shape"):
         fit_thresholds(rows, DISPLAY, RateLimitOptions(degree=4))
+
+
+def test_an_interval_wider_than_a_ratio_of_100_is_no_interval() -> None:
+    assert "(0.50 to 2.00)" in ConditionEffect(FIVE, TEN, 1.0, 0.5, 2.0).in_words
+    assert "(not bounded)" in ConditionEffect(FIVE, TEN, 1.0, 1e-10, 5e21).in_words

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from evenlight.analysis.measurement.sweeps.sweep_notes import compared_with_file
+from evenlight.analysis.sweeps.luminance_sweep import compared_with_file
 from evenlight.data_schema.display import Display
 
 KNOWN = Display("desk", 200.0, 0.2, 2.2, pixels_per_degree=40.0, measured="2026-10-01")

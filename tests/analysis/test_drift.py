@@ -13,6 +13,7 @@ pytestmark = pytest.mark.slow
 
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 N_LEVELS = 6
+COARSER = (20, 12, 8, 6)  # nodes: a function to 0.3 % of its threshold, in half the time
 
 
 def session(
@@ -35,7 +36,9 @@ def session(
             *((0, 0) if two else (6, 120)),
             guess_rate=0.5 if two else None,
         )
-        levels.append(TimedAnswers(fit_psychometric(counts).function, rates, seen.astype(float), times))
+        levels.append(
+            TimedAnswers(fit_psychometric(counts, fine=COARSER).function, rates, seen.astype(float), times)
+        )
     return levels
 
 
@@ -45,25 +48,24 @@ def test_a_participant_whose_threshold_triples_is_found(two: bool) -> None:
     # 3.3 of these, and a test at 5 % finds it in 99 and 91 of 100.
     rng = np.random.default_rng(1)
     drifts = [drift_of(session(rng, np.log(3.0), two, 10 if two else 6)) for _ in range(20)]
-    assert np.mean([drift is not None and drift.p_value < 0.05 for drift in drifts]) >= 0.75
+    assert np.mean([drift is not None and drift[1] < 0.05 for drift in drifts]) >= 0.75
 
 
 def test_a_doubling_is_estimated_as_one() -> None:
     # 20 sessions know the mean ln(ratio) to 0.05; the estimate is of first order.
     rng = np.random.default_rng(4)
     drifts = [drift_of(session(rng, np.log(2.0))) for _ in range(20)]
-    ratios = [drift.ratio for drift in drifts if drift is not None]
+    ratios = [drift[0] for drift in drifts if drift is not None]
     assert np.exp(np.mean(np.log(ratios))) == pytest.approx(2.0, rel=0.2)
 
 
-def test_without_a_drift_the_p_value_is_even_and_the_interval_holds_1() -> None:
+def test_without_a_drift_the_p_value_is_even() -> None:
     rng = np.random.default_rng(2)
     drifts = [drift_of(session(rng, 0.0, two=True)) for _ in range(100)]
-    p = np.array([drift.p_value for drift in drifts if drift is not None])
+    p = np.array([drift[1] for drift in drifts if drift is not None])
     low, high = stats.binom.interval(0.999, 100, 0.05)
     assert low / 100 <= np.mean(p < 0.05) <= high / 100
     assert stats.kstest(p, "uniform").pvalue > 0.001
-    assert np.mean([d.ci_low <= 1 <= d.ci_high for d in drifts if d is not None]) >= 0.86
 
 
 def test_a_deviance_over_rates_would_not_see_it() -> None:

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
-from evenlight.analysis.inference.exact_tests import group_test, subset_counts
+from evenlight.analysis.inference.exact_tests import group_p_value, subset_counts
 
 scores = st.lists(st.integers(-4, 4), min_size=1, max_size=5)
 
@@ -24,7 +24,7 @@ def test_p_is_the_share_of_all_divisions_with_such_a_difference_of_means(
         inside = np.isin(np.arange(everybody.size), members)
         gaps.append(abs(everybody[inside].mean() - everybody[~inside].mean()))
     found = abs(np.mean(first) - np.mean(second))
-    assert group_test(first, second).p_value == pytest.approx(np.mean(np.array(gaps) >= found - 1e-9))
+    assert group_p_value(first, second) == pytest.approx(np.mean(np.array(gaps) >= found - 1e-9))
 
 
 def test_two_groups_of_one_size_agree_with_scipy() -> None:
@@ -34,9 +34,7 @@ def test_two_groups_of_one_size_agree_with_scipy() -> None:
         return np.asarray(np.mean(x, axis=axis) - np.mean(y, axis=axis))
 
     oracle = stats.permutation_test((first, second), gap, n_resamples=np.inf, vectorized=True)
-    tested = group_test(first, second)
-    assert tested.p_value == pytest.approx(oracle.pvalue, abs=1e-12)
-    assert tested.difference == pytest.approx(first.mean() - second.mean())
+    assert group_p_value(first, second) == pytest.approx(oracle.pvalue, abs=1e-12)
 
 
 def test_200_people_are_counted_exactly() -> None:
@@ -48,9 +46,9 @@ def test_200_people_are_counted_exactly() -> None:
 
 
 def test_groups_that_are_all_alike_do_not_differ() -> None:
-    assert group_test([3, 3], [3, 3, 3]).p_value == 1.0
+    assert group_p_value([3, 3], [3, 3, 3]) == 1.0
 
 
 def test_an_empty_group_is_refused() -> None:
     with pytest.raises(ValueError, match="at least one each"):
-        group_test([], [1])
+        group_p_value([], [1])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from benchmarks.published_rate_limit import published_fit
-from evenlight.analysis.calibration.choices import choice_on_clip
 from evenlight.analysis.fit_commands import fit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel
@@ -43,17 +42,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(scope="module")
 def results(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("results")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choice_on_clip, "DEFAULT_SIZE", (64, 36))
-        patch.setattr(choice_on_clip, "DEFAULT_FPS", 1.0)
-        fit(dataset, out=folder, quiet=True)  # with its clip
-    return folder
-
-
-@pytest.fixture(scope="module")
-def without_clip(dataset: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("without_clip")
-    fit(dataset, out=folder, quiet=True, no_clip=True)
+    fit(dataset, out=folder, quiet=True)
     return folder
 
 
@@ -103,13 +92,18 @@ def test_the_summary_states_what_the_curve_rests_on(results: Path) -> None:
     assert set(summary["provenance"]["inputs"]) == {"dataset"}
 
 
-def test_the_same_data_give_the_same_files(results: Path, without_clip: Path) -> None:
+def test_the_same_data_give_the_same_files_and_none_of_an_earlier_version_stays(
+    dataset: Path, results: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "rate_limit_safe.json").write_text("{}")
+    fit(dataset, out=tmp_path, quiet=True)
     for name in ("thresholds.csv", "rate_limit.json", "fit_summary.json"):
-        assert (without_clip / name).read_bytes() == (results / name).read_bytes()
+        assert (tmp_path / name).read_bytes() == (results / name).read_bytes()
+    assert {path.name for path in tmp_path.iterdir()} == {path.name for path in results.iterdir()}
 
 
 def test_a_power_law_can_be_asked_for(dataset: Path, tmp_path: Path) -> None:
-    fit(dataset, out=tmp_path, form=RateLimitForm.LOG_LOG, degree=1, quiet=True, no_clip=True)
+    fit(dataset, out=tmp_path, form=RateLimitForm.LOG_LOG, degree=1, quiet=True)
     limit = load_rate_limit(str(tmp_path / "rate_limit.json"))
     assert limit.form is RateLimitForm.LOG_LOG
     # Near Weber's law: ΔL ∝ L^a with a about 1 (published points: 0.97 by least squares in log-log).
@@ -125,7 +119,7 @@ def test_a_degree_that_two_luminances_do_not_have_is_refused_and_leaves_nothing_
     data = simulate(tmp_path / "data", 1, design)
     out = tmp_path / "out"
     with pytest.raises(InputError, match="degree 4 needs thresholds at 5 or more luminances, got 2"):
-        fit(data, out=out, degree=4, quiet=True, no_clip=True)
+        fit(data, out=out, degree=4, quiet=True)
     assert not out.exists()
 
 
@@ -139,7 +133,7 @@ def test_a_participant_who_sees_everything_counts_and_is_named(
     lines = [json.loads(line) for line in trials.read_text().splitlines()]
     ramps = [line | ({} if line["is_catch"] else {"response": "yes"}) for line in lines]
     trials.write_text("".join(json.dumps(line) + "\n" for line in ramps))
-    result = command("fit", changed, "--out", tmp_path / "out", "--quiet", "--no-clip")
+    result = command("fit", changed, "--out", tmp_path / "out", "--quiet")
     assert result.code == 0
     (told,) = [line for line in result.err.splitlines() if "are alike" in line]
     assert "02" in told
@@ -148,9 +142,7 @@ def test_a_participant_who_sees_everything_counts_and_is_named(
     assert [p["participant_id"] for p in summary["joint"]["participants"] if p["all_alike"]] == ["02"]
     own, before = (load_rate_limit(str(path / "rate_limit.json")) for path in (tmp_path / "out", results))
     assert rate_limit_at(own, 50.0) < rate_limit_at(before, 50.0)
-    individual = command(
-        "fit", changed, "--out", tmp_path / "individual", "--quiet", "--no-clip", "--model", "individual"
-    )
+    individual = command("fit", changed, "--out", tmp_path / "individual", "--quiet", "--model", "individual")
     assert "5 of 30 thresholds are left out" in individual.err
     assert "too high, on the unsafe side" in individual.err
     summary = json.loads((tmp_path / "individual" / "fit_summary.json").read_text())
@@ -162,7 +154,7 @@ def test_the_error_stream_of_a_pipe_holds_words_alone(tmp_path: Path, short_ramp
     made = command(
         "simulate", "ramp", "--participants", 1, "--design", short_ramps, "--out", tmp_path / "data"
     )
-    fitted = command("fit", tmp_path / "data", "--out", tmp_path / "out", "--no-clip")
+    fitted = command("fit", tmp_path / "data", "--out", tmp_path / "out")
     assert made.code == fitted.code == 0
     assert made.err == ""
     assert all(line.startswith("evenlight: ") for line in fitted.err.splitlines())
@@ -176,7 +168,7 @@ def test_a_data_set_without_catch_trials_is_fitted_with_a_warning(
     for trials in changed.glob("sub-*/ses-*/trials.jsonl"):
         lines = [line for line in trials.read_text().splitlines() if not json.loads(line)["is_catch"]]
         trials.write_text("".join(line + "\n" for line in lines))
-    fit(changed, out=tmp_path / "out", quiet=True, no_clip=True)
+    fit(changed, out=tmp_path / "out", quiet=True)
     told = [
         any("no catch trials" in warning for warning in json.loads(path.read_text())["warnings"])
         for path in (results / "fit_summary.json", tmp_path / "out" / "fit_summary.json")
@@ -195,50 +187,14 @@ def test_a_degree_out_of_bounds_is_refused_before_any_work(dataset: Path, tmp_pa
         fit(dataset, out=tmp_path / "out", degree=12, quiet=True)
 
 
-def test_the_choices_of_the_curve_are_compared_on_a_clip(results: Path) -> None:
-    content = json.loads((results / "limit_choices.json").read_text())
-    assert content["clip"]["video"] == "sunrise"
-    rows = {row["choice"]: row for row in content["choices"]}
-    assert {"fitted", "fitted_safe", "individual", "log_log_1", "log_log_2", "rate_4", "pooled"} <= set(rows)
-    # What allows less gains less; what the optimizer makes is never worse than constant dimming.
-    assert rows["fitted_safe"]["gain"] < rows["fitted"]["gain"]
-    assert all(row["gain"] >= 0 and row["share_of_limit"] <= 1 + 1e-6 for row in rows.values())
-    assert set(content["provenance"]["inputs"]) == {"dataset", "clip"}
-    assert (results / "limit_choices.csv").read_text().count("\n") == len(rows) + 1
-
-
-def test_the_safe_and_the_log_log_limit_are_files_that_the_optimizer_takes(
-    results: Path, tmp_path: Path, command, make_video
-) -> None:
-    make_video(tmp_path / "film.mkv", 0.5 + 0.4 * np.cos(np.arange(12) / 2), (48, 36), 1.0)
-    for name in ("rate_limit_safe.json", "rate_limit_log_log.json"):
-        out = tmp_path / name
-        result = command(
-            "optimize", tmp_path / "film.mkv", "--budget", 0.5, "--rate-limit", results / name,
-            "--out", out, "--quiet", "--no-player",
-        )  # fmt: skip
-        assert result.code == 0, result.err
-        assert json.loads((out / "summary.json").read_text())["max_rate_ratio"] <= 1 + 1e-6
-
-
 def test_the_results_of_a_fit_pass_the_validation(results: Path, command) -> None:
     result = command("validate", results)
     assert result.code == 0, result.err + result.out
 
 
-def test_without_a_clip_the_curves_are_compared_all_the_same(without_clip: Path) -> None:
-    content = json.loads((without_clip / "limit_choices.json").read_text())
-    assert content["clip"] is None
-    assert content["choices"][0]["choice"] == "fitted"
-    assert (without_clip / "report.html").exists()
-
-
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("--clip", "nowhere.mp4"), "no video 'nowhere.mp4'"),
-        (("--budget", "0.05"), "the budget must lie between 0.2 and 1, got 0.05"),
-        (("--no-clip", "--clip", "sunrise"), "contradict each other"),
         (("--procedure", "two_interval"), "holds no trials of two_interval"),
         (("--direction", "up"), "no usable threshold of ramps up"),
         (("--ramp-duration", "10"), "no usable threshold of ramps 10 s"),

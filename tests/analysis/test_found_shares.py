@@ -5,9 +5,8 @@ import pytest
 from found_share_coverage import coverage
 from made_searches import SearchTruth, made_table, task_data, trials_of
 
-from evenlight.analysis.search.search_results import search_results
-from evenlight.analysis.search.search_shares import clustered_share, found_over_time
-from evenlight.analysis.search.search_statistics import statistics_of
+from evenlight.analysis.search.search_numbers import study_of
+from evenlight.analysis.search.search_pairs import clustered_share, found_over_time
 
 
 @pytest.mark.parametrize("people", [2, 5, 17])
@@ -22,7 +21,7 @@ def test_where_nobody_found_anything_the_interval_is_that_of_people(people: int,
 
 def test_the_table_says_so_of_four_people_who_found_nothing() -> None:
     table = made_table(SearchTruth(participants=4, locations=3, middle=1e6), np.random.default_rng(1))
-    rows = statistics_of(search_results(task_data(trials_of(table)))[0])
+    rows = study_of(task_data(trials_of(table)))[0].rows
     (row,) = [r for r in rows if (r.table, r.what) == ("detections", "rings found, ours")]
     assert (row.value, row.n) == (0.0, 12)
     assert row.ci_high == pytest.approx(1 - 0.025**0.25)  # 0.60; of 12 independent searches it would be 0.26
@@ -36,8 +35,8 @@ def test_one_ring_found_does_not_narrow_the_interval_to_that_of_searches() -> No
 
 
 def test_nothing_is_found_before_the_search_begins() -> None:
-    for curve in found_over_time(made_table(SearchTruth(), np.random.default_rng(3))):
-        assert (curve.times[0], curve.share[0], curve.low[0], curve.high[0]) == (0.0, 0.0, 0.0, 0.0)
+    times, shares = found_over_time(made_table(SearchTruth(), np.random.default_rng(3)), limit=30.0)
+    assert (times[0], times[-1], *shares[:, 0]) == (0.0, 30.0, 0.0, 0.0, 0.0)
 
 
 @pytest.mark.parametrize("people", [2, 5, 10, 17])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.played_power.clock_line import ClockLine
-from evenlight.analysis.measurement.played_power.pass_power import FrameSpans, frame_energies, frame_spans
-from evenlight.analysis.measurement.played_power.power_recording import Flips, Samples
+from evenlight.analysis.played_power.clock_line import ClockLine
+from evenlight.analysis.played_power.pass_power import frame_energies
+from evenlight.analysis.played_power.power_recording import Flips, Samples
 from evenlight.data_schema.recordings.played_power import FrameEnergy, FrameFlag
 
 SAME = ClockLine(0.0, 0.0)
@@ -20,7 +20,7 @@ def flips(times: list[float], frames: list[int], passes: list[int] | None = None
         video_frame=np.array(frames),
         version=np.array(["ours"] * n),
         flip=np.array(times),
-        factor=np.linspace(0.2, 0.2 + 0.1 * (n - 1), n),
+        achieved_factor=np.linspace(0.2, 0.2 + 0.1 * (n - 1), n),
         sync=np.arange(n) % 2 == 0,
     )
 
@@ -31,28 +31,29 @@ def samples(power: list[float], step: float = 0.01, lost: tuple[int, ...] = ()) 
     return Samples(kept, time, time, np.array(power)[kept], np.zeros(len(kept), dtype=bool))
 
 
-def energies(known: Samples, spans: FrameSpans, line: ClockLine = SAME) -> list[FrameEnergy]:
-    return frame_energies(known, spans, line)
+def energies(known: Samples, shown: tuple[Flips, float], line: ClockLine = SAME) -> list[FrameEnergy]:
+    """The energies of frames that a display of some refresh rate has shown."""
+    return frame_energies(known, *shown, line)
 
 
 def test_a_frame_lasts_to_the_next_and_the_last_one_for_a_refresh() -> None:
     """Two refreshes of frame 0, one of frame 1, then a dropped one; frame 3 is the last, 0.1 s long."""
-    spans = frame_spans(flips([1.0, 1.1, 1.2, 1.4], [0, 0, 1, 3]), 10.0)
-    assert spans.begun.tolist() == [1.0, 1.2, 1.4]
-    assert spans.ended == pytest.approx([1.2, 1.4, 1.5])
-    assert spans.factor == pytest.approx([0.25, 0.4, 0.5])  # 0.2 and 0.3 for as long
+    found = energies(samples([1.0] * 200), (flips([1.0, 1.1, 1.2, 1.4], [0, 0, 1, 3]), 10.0))
+    assert [frame.begun for frame in found] == [1.0, 1.2, 1.4]
+    assert [frame.duration for frame in found] == pytest.approx([0.2, 0.2, 0.1])
+    assert [frame.factor for frame in found] == pytest.approx([0.25, 0.4, 0.5])  # 0.2 and 0.3 for as long
 
 
 def test_the_same_frame_in_the_next_pass_is_another_one() -> None:
-    spans = frame_spans(flips([1.0, 2.0], [5, 5], [0, 1]), 10.0)
-    assert spans.ended == pytest.approx([1.1, 2.1])
-    assert spans.pass_index.tolist() == [0, 1]
+    found = energies(samples([1.0] * 300), (flips([1.0, 2.0], [5, 5], [0, 1]), 10.0))
+    assert [frame.duration for frame in found] == pytest.approx([0.1, 0.1])
+    assert [frame.pass_index for frame in found] == [0, 1]
 
 
 def test_frames_between_ends_of_samples_have_the_sums_of_their_means() -> None:
     """Frames of 20 ms and samples of 10 ms that end with them: (1 + 2) W · 10 ms, then (4 + 3) W · 10 ms."""
-    spans = frame_spans(flips([0.02, 0.04], [0, 1]), 50.0)
-    found = energies(samples([9.0, 9.0, 9.0, 1.0, 2.0, 4.0, 3.0, 9.0]), spans)
+    shown = (flips([0.02, 0.04], [0, 1]), 50.0)
+    found = energies(samples([9.0, 9.0, 9.0, 1.0, 2.0, 4.0, 3.0, 9.0]), shown)
     assert [frame.energy for frame in found] == pytest.approx([0.03, 0.07])
     assert [frame.power for frame in found] == pytest.approx([1.5, 3.5])
     assert [frame.n_samples for frame in found] == [2, 2]
@@ -63,23 +64,25 @@ def test_a_linear_rise_is_integrated_where_frames_cut_through_samples() -> None:
     ends = 0.01 * np.arange(41)
     means = (1 + (ends - 0.005)).tolist()
     times = (0.1 + np.arange(10) / 60).tolist()
-    spans = frame_spans(flips(times, list(range(10))), 60.0)
-    true = (spans.ended - spans.begun) + (spans.ended**2 - spans.begun**2) / 2
-    assert [frame.energy for frame in energies(samples(means), spans)] == pytest.approx(true, rel=2e-5)
+    shown = (flips(times, list(range(10))), 60.0)
+    begun = np.array(times)
+    ended = begun + 1 / 60
+    true = 1 / 60 + (ended**2 - begun**2) / 2
+    assert [frame.energy for frame in energies(samples(means), shown)] == pytest.approx(true, rel=2e-5)
 
 
 def test_the_meters_clock_is_put_on_the_computers() -> None:
     """Half as fast and 5 s behind: a meter's second is two of the computer's, and 1 W makes 2 J of it."""
     line = ClockLine(reference=0.0, offset=5.0, drift=1.0)
-    spans = frame_spans(flips([5.2, 5.4], [0, 1]), 5.0)
-    found = energies(samples([1.0] * 60), spans, line)
+    shown = (flips([5.2, 5.4], [0, 1]), 5.0)
+    found = energies(samples([1.0] * 60), shown, line)
     assert [frame.energy for frame in found] == pytest.approx([0.2, 0.2])
     assert found[0].n_samples == 10  # one in 20 ms of the computer
 
 
 def test_a_lost_sample_is_bridged_and_its_share_is_said() -> None:
-    spans = frame_spans(flips([0.02, 0.06], [0, 1]), 25.0)
-    found = energies(samples([2.0] * 20, lost=(4,)), spans)
+    shown = (flips([0.02, 0.06], [0, 1]), 25.0)
+    found = energies(samples([2.0] * 20, lost=(4,)), shown)
     assert [frame.energy for frame in found] == pytest.approx([0.08, 0.08])
     assert [frame.bridged_share for frame in found] == pytest.approx([0.25, 0.0])
     assert all(frame.flag is FrameFlag.OK for frame in found)
@@ -87,8 +90,8 @@ def test_a_lost_sample_is_bridged_and_its_share_is_said() -> None:
 
 def test_frames_in_a_long_gap_have_no_energy() -> None:
     """Samples 10 to 19 are lost, 90 to 190 ms: frames of 50 ms from 50, 100 and 150 ms lie in it."""
-    spans = frame_spans(flips([0.0, 0.05, 0.1, 0.15, 0.2], [0, 1, 2, 3, 4]), 20.0)
-    found = energies(samples([1.0] * 40, lost=tuple(range(10, 20))), spans)
+    shown = (flips([0.0, 0.05, 0.1, 0.15, 0.2], [0, 1, 2, 3, 4]), 20.0)
+    found = energies(samples([1.0] * 40, lost=tuple(range(10, 20))), shown)
     gap = FrameFlag.GAP
     assert [frame.flag for frame in found] == [FrameFlag.OK, gap, gap, gap, FrameFlag.OK]
     assert [frame.energy is None for frame in found] == [False, True, True, True, False]
@@ -97,8 +100,8 @@ def test_frames_in_a_long_gap_have_no_energy() -> None:
 
 def test_frames_outside_the_samples_have_no_energy() -> None:
     """Samples from 0 to 0.19 s."""
-    spans = frame_spans(flips([-0.01, 0.05, 0.1, 0.15, 0.2], [0, 1, 2, 3, 4]), 20.0)
-    found = energies(samples([1.0] * 20), spans)
+    shown = (flips([-0.01, 0.05, 0.1, 0.15, 0.2], [0, 1, 2, 3, 4]), 20.0)
+    found = energies(samples([1.0] * 20), shown)
     outside = FrameFlag.OUTSIDE
     assert [frame.flag for frame in found] == [outside, FrameFlag.OK, FrameFlag.OK, outside, outside]
 
@@ -107,11 +110,11 @@ def test_frames_shorter_than_samples_get_their_share_and_are_flagged() -> None:
     """A sample of 1 W in 50 ms, of darkness around it, for three frames: 1 W / 60 Hz each."""
     times = (0.1 + np.arange(3) / 60).tolist()
     dark = [0.2] * 3
-    found = energies(samples([*dark, 1.0, *dark], step=0.05), frame_spans(flips(times, [0, 1, 2]), 60.0))
+    found = energies(samples([*dark, 1.0, *dark], step=0.05), (flips(times, [0, 1, 2]), 60.0))
     assert [frame.energy for frame in found] == pytest.approx([1 / 60] * 3)
     assert all(frame.flag is FrameFlag.UNRESOLVED for frame in found)
 
 
 def test_power_below_zero_is_a_zero_error_and_stays() -> None:
-    found = energies(samples([-0.001] * 20), frame_spans(flips([0.02, 0.04], [0, 1]), 50.0))
+    found = energies(samples([-0.001] * 20), (flips([0.02, 0.04], [0, 1]), 50.0))
     assert [frame.energy for frame in found] == pytest.approx([-2e-5, -2e-5])

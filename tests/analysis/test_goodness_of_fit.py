@@ -7,13 +7,18 @@ from scipy import optimize, stats
 
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import (
     GoodnessOfFit,
-    SimulatedDataSets,
+    answered,
     bin_starts,
     goodness_of_fit,
     joint_p_value,
     most_probable,
 )
-from evenlight.analysis.calibration.psychometric.psychometric_fit import MAX_LAPSE, PsychometricPrior
+from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    LAPSE_PRIOR,
+    MAX_LAPSE,
+    THRESHOLD_FALLOFF,
+    WIDTH_PRIOR,
+)
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.method.psychometric import PsychometricFunction, log_likelihood, yes_probability
 
@@ -125,27 +130,18 @@ def test_answers_as_the_function_expects_them_have_the_smallest_deviance() -> No
 def test_the_deviance_is_that_of_the_textbook() -> None:
     # 2 (ln L of the shares themselves - ln L of the function), at the most probable function.
     counts = RampCounts(RATES, np.array([1, 1, 2, 4, 5, 8, 9, 9]), np.full(8, 10), 6, 120)
-    prior = PsychometricPrior()
-    t, w, g, m = fitted(counts, prior)
+    t, w, g, m = fitted(counts)
     function = PsychometricFunction(float(np.exp(t)), float(np.exp(w)), float(g), float(m))
     shares = counts.n_yes / counts.n_trials
     saturated = float(np.sum(counts.n_yes * np.log(shares) + (10 - counts.n_yes) * np.log(1 - shares)))
     expected = 2 * (saturated - log_likelihood(function, counts.rates, counts.n_yes, counts.n_trials))
-    found = goodness_of_fit(counts, prior)
+    found = goodness_of_fit(counts)
     assert found is not None
     assert found.deviance == pytest.approx(expected, rel=1e-6)
 
 
-def fitted(counts: RampCounts, prior: PsychometricPrior) -> NDArray[np.float64]:
-    answers = SimulatedDataSets(
-        np.log(counts.rates),
-        counts.n_trials.astype(float),
-        counts.n_yes[None, :].astype(float),
-        np.array([float(counts.catch_yes)]),
-        counts.catch_trials,
-        counts.guess_rate,
-    )
-    return np.asarray(most_probable(answers, prior)[0])
+def fitted(counts: RampCounts) -> NDArray[np.float64]:
+    return np.asarray(most_probable(answered(counts))[0])
 
 
 @pytest.mark.parametrize(
@@ -153,23 +149,23 @@ def fitted(counts: RampCounts, prior: PsychometricPrior) -> NDArray[np.float64]:
 )
 def test_the_most_probable_function_is_that_of_a_general_optimizer(yes: list[int]) -> None:
     # The posterior as written, in the same variables (whose measure moves its maximum), by Nelder and Mead.
-    counts, prior = RampCounts(RATES, np.array(yes), np.full(8, 6), 6, 120), PsychometricPrior()
+    counts = RampCounts(RATES, np.array(yes), np.full(8, 6), 6, 120)
 
     def cost(u: NDArray[np.float64]) -> float:
         g, m = 0.7 / (1 + np.exp(-u[2])), MAX_LAPSE / (1 + np.exp(-u[3]))
         function = PsychometricFunction(float(np.exp(u[0])), float(np.exp(u[1])), float(g), float(m))
         x = np.log(RATES)
-        flank = max(x[0] - u[0], u[0] - x[-1], 0.0) / prior.threshold_falloff
-        ln_prior = -(flank**2) / 2 - ((u[1] - np.log(prior.width_median)) / prior.width_spread) ** 2 / 2
+        flank = max(x[0] - u[0], u[0] - x[-1], 0.0) / THRESHOLD_FALLOFF
+        ln_prior = -(flank**2) / 2 - ((u[1] - np.log(WIDTH_PRIOR[0])) / WIDTH_PRIOR[1]) ** 2 / 2
         ln_prior += stats.beta.logpdf(g, 1 + 6, 10 + 114) + np.log(g * (1 - g / 0.7))
-        ln_prior += stats.beta.logpdf(m, *prior.lapse) + np.log(m * (1 - m / MAX_LAPSE))
+        ln_prior += stats.beta.logpdf(m, *LAPSE_PRIOR) + np.log(m * (1 - m / MAX_LAPSE))
         return -(log_likelihood(function, RATES, counts.n_yes, counts.n_trials) + float(ln_prior))
 
     start = np.array([1.0, 0.4, -2.5, -1.5])
     best = optimize.minimize(
         cost, start, method="Nelder-Mead", options={"xatol": 1e-6, "fatol": 1e-10, "maxiter": 4000}
     )
-    found = fitted(counts, prior)
+    found = fitted(counts)
     assert found[0] == pytest.approx(best.x[0], abs=2e-3)
     assert found[1] == pytest.approx(best.x[1], abs=5e-3)
 

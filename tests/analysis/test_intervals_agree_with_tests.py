@@ -15,8 +15,7 @@ from evenlight.analysis.comparison.comparison_shares import Choices, estimate_sh
 from evenlight.analysis.inference.exact_intervals import joined, sign_flip_interval
 from evenlight.analysis.inference.exact_tests import sign_flip_test, sign_test
 from evenlight.analysis.inference.paired_effects import exact_mean_difference, superiority
-from evenlight.analysis.rating.rating_pairs import PairedRatings
-from evenlight.analysis.rating.rating_results import pair_result
+from evenlight.analysis.rating.rating_pairs import MEAN, SUPERIORITY, Sample, compared_pairs
 from evenlight.analysis.search.search_pairs import SearchPairs, detections
 
 ratings = st.lists(st.integers(-4, 4), min_size=1, max_size=20)
@@ -32,16 +31,13 @@ def excludes(low: float | None, high: float | None, null: float) -> bool:
 
 def rated(differences: Sequence[int]):
     """What is said of the differences between ratings."""
-    people = tuple(f"{k:02d}" for k in range(len(differences)))
-    return pair_result(
-        PairedRatings("gym", people, tuple(map(Fraction, differences))), np.random.default_rng(1)
-    )
+    return compared_pairs(Sample({f"{k:02d}": Fraction(own) for k, own in enumerate(differences)}))
 
 
 def compared(answers: Sequence[tuple[int, int]]):
     """What is said of people who chose ours so often, of so many answers."""
     chosen, total = np.array(answers).T
-    return estimate_share(Choices(tuple(map(str, range(len(answers)))), chosen, total), 0.15)
+    return estimate_share(Choices(tuple(map(str, range(len(answers)))), chosen, total), 0.15).difference
 
 
 def searched(one: int, other: int, n: int):
@@ -71,11 +67,10 @@ def agrees_of_ratings(differences: Sequence[int], step: float = 1.0) -> None:
 )
 def test_a_mean_difference_of_ratings(differences: list[int]) -> None:
     found = rated(differences)
-    assert found.flip is not None
-    assert found.signs is not None
-    assert excludes(found.mean.ci_low, found.mean.ci_high, 0) == (found.flip.p_value < 0.05)
-    better = found.superiority
-    assert excludes(better.ci_low, better.ci_high, 0.5) == (found.signs.p_value < 0.05)
+    for what, null in ((MEAN, 0.0), (SUPERIORITY, 0.5)):
+        effect = found[what]
+        assert effect.p_value is not None
+        assert excludes(effect.ci_low, effect.ci_high, null) == (effect.p_value < 0.05)
 
 
 @settings(max_examples=200, deadline=None)
@@ -95,21 +90,21 @@ def test_every_share_of_one_answer_each(n: int) -> None:
     for k in range(n + 1):  # 0 of 5: p = 1/16, yet the mid-p interval was 0 to 0.45
         found = compared([(1, 1)] * k + [(0, 1)] * (n - k))
         assert found.p_value == pytest.approx(stats.binomtest(k, n).pvalue)
-        assert excludes(*(found.interval or (None, None)), 0.5) == (found.p_value < 0.05)
+        assert excludes(found.ci_low, found.ci_high, 0.5) == (found.p_value < 0.05)
 
 
 @settings(max_examples=200, deadline=None)
 @given(answered)
 def test_any_share_of_several_answers_each(answers: list[tuple[int, int]]) -> None:
     found = compared(answers)
-    assert excludes(*(found.interval or (None, None)), 0.5) == (found.p_value < 0.05)
+    assert excludes(found.ci_low, found.ci_high, 0.5) == (found.p_value < 0.05)
 
 
 @pytest.mark.parametrize("people", range(2, 9))
 def test_every_share_of_few_people_with_two_answers(people: int) -> None:
     for counts in itertools.combinations_with_replacement(range(3), people):
         found = compared([(c, 2) for c in counts])
-        assert excludes(*(found.interval or (None, None)), 0.5) == (found.p_value < 0.05)
+        assert excludes(found.ci_low, found.ci_high, 0.5) == (found.p_value < 0.05)
 
 
 @pytest.mark.parametrize("n", [5, 6, 17])

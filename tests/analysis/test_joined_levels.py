@@ -68,4 +68,6 @@ def test_a_participant_under_both_calibrations_has_two_thresholds_and_counts_onc
     assert [panel[0] for panel in panels] == pytest.approx([600**0.5, 9600**0.5])
     assert [panel[1] for panel in panels] == [3, 3]
     line = RateLimitOptions(form=RateLimitForm.LOG_LOG, degree=1)
-    assert sorted(fit_pooled(trials, AFTER, line).luminance) == pytest.approx([600**0.5, 9600**0.5])
+    assert sorted(fit_pooled(trials, AFTER, line).limit.point_luminance) == pytest.approx(
+        [600**0.5, 9600**0.5]
+    )

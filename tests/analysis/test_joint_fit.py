@@ -11,10 +11,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.calibration.joint.answer_tables import WIDTHS, answer_tables
-from evenlight.analysis.calibration.joint.curve_bands import simultaneous_band
-from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
-from evenlight.analysis.calibration.joint.marginal_likelihood import Spread, smoothed
+from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint, simultaneous_band
+from evenlight.analysis.calibration.joint.marginal_likelihood import WIDTHS, Spread, answer_tables, smoothed
 from evenlight.analysis.calibration.rate_limit.conditions import Condition
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.data_schema.errors import InputError
@@ -247,10 +245,13 @@ def both_durations() -> list[RampTrial]:
     ]
 
 
-def test_the_limit_is_that_of_the_lowest_condition_and_the_others_ratio_is_found(
-    both_durations: list[RampTrial],
-) -> None:
-    fit = fit_joint(both_durations)
+@pytest.fixture(scope="module")
+def lowest(both_durations: list[RampTrial]) -> JointFit:
+    return fit_joint(both_durations)
+
+
+def test_the_limit_is_that_of_the_lowest_condition_and_the_others_ratio_is_found(lowest: JointFit) -> None:
+    fit = lowest
     assert fit.reference == Condition(Direction.DOWN, 8.0)
     (effect,) = fit.effects
     assert effect.ratio == pytest.approx(1 / 0.6, rel=0.05)
@@ -258,9 +259,8 @@ def test_the_limit_is_that_of_the_lowest_condition_and_the_others_ratio_is_found
     assert any("whose thresholds are the lowest" in note for note in fit.notes)
 
 
-def test_the_condition_can_be_chosen(both_durations: list[RampTrial]) -> None:
+def test_the_condition_can_be_chosen(both_durations: list[RampTrial], lowest: JointFit) -> None:
     chosen = fit_joint(both_durations, RateLimitOptions(ramp_duration=4.0))
-    lowest = fit_joint(both_durations)
     assert chosen.reference == Condition(Direction.DOWN, 4.0)
     ratio = curve(chosen, LUMINANCES) / curve(lowest, LUMINANCES)
     np.testing.assert_allclose(ratio, 1 / 0.6, rtol=0.06)
@@ -298,8 +298,8 @@ def test_a_monotone_curve_does_not_fall_and_its_band_is_no_wider(
     at = np.linspace(*free.basis.luminance_range, 400)
     assert (np.diff(curve(free, at)) < -1e-3).any()
     assert (np.diff(curve(rising, at)) >= -1e-4).all()
-    assert any("falls with luminance" in note for note in free.notes)
-    assert not any("falls with luminance" in note for note in rising.notes)
+    assert any("the limit falls from" in note for note in free.notes)
+    assert not any("the limit falls from" in note for note in rising.notes)
     for edge in (rising.simultaneous_lower, rising.simultaneous_upper):
         assert (np.diff(edge) >= -1e-9).all()
     assert half_width(rising) <= half_width(free) + 1e-9

@@ -7,9 +7,12 @@ from types import ModuleType, SimpleNamespace
 import numpy as np
 import pytest
 
-from evenlight.analysis.judgement.judgement import JudgedVideo, MeasuredLosses, agreements_of
-from evenlight.analysis.judgement.judgement_figure import judgement_figure
-from evenlight.analysis.judgement.judgement_results import judgement_report
+from evenlight.analysis.judgement.judgement import (
+    JudgedTrack,
+    agreements_of,
+    judgement_figure,
+    measured_track,
+)
 from evenlight.analysis.judgement.modulation import (
     FLICKER,
     MOST_PIXELS,
@@ -23,9 +26,8 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.tracks.judgement import Judgement
-from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.inputs import FramesInMemory
-from evenlight.method.choices import FULL_ANALYSIS
+from evenlight.method.contrast.measures import COUNTED, MEASURES
 
 LAB = Display("lab", 100.0, 1.0, 2.0, pixels_per_degree=20.0, reflected_luminance=3.0)
 ORIGIN = provenance_now()
@@ -40,30 +42,26 @@ def track_of(factors, rate=25.0, header=HEADER):
 
 def judged_with(factors, rate=25.0, shape=(9, 16, 3)):
     frames = [np.full(shape, 0.5) for _ in factors]
-    loaded = LoadedTrack(track_of(factors, rate), 0.5, "test")
-    return JudgedVideo(FramesInMemory(frames, rate), LAB, loaded, FULL_ANALYSIS, quiet=True)
+    return FramesInMemory(frames, rate), LAB, track_of(factors, rate)
 
 
 def test_the_numbers_of_a_measure_by_hand():
-    one = MeasuredLosses("x", np.array([0.1, 0.3, 0.2]), np.array([0.0, 0.6, 0.3])).summary()
+    one = measured_track("x", np.array([0.1, 0.3, 0.2]), np.array([0.0, 0.6, 0.3]))
     assert (one.spread, one.spread_constant, one.gain) == pytest.approx((0.4 / 3, 0.4, 2 / 3))
     assert (one.mean_loss, one.mean_loss_constant) == pytest.approx((0.2, 0.3))
     assert (one.largest_loss, one.largest_loss_constant) == (0.3, 0.6)
 
 
 def test_where_constant_dimming_is_even_there_is_no_gain_to_speak_of():
-    assert MeasuredLosses("x", np.array([0.1, 0.3]), np.array([0.2, 0.2])).summary().gain is None
-    worse = MeasuredLosses("x", np.array([0.1, 0.4]), np.array([0.2, 0.3])).summary()
+    assert measured_track("x", np.array([0.1, 0.3]), np.array([0.2, 0.2])).gain is None
+    worse = measured_track("x", np.array([0.1, 0.4]), np.array([0.2, 0.3]))
     assert worse.gain == pytest.approx(-2.0)
 
 
 def test_measures_agree_by_the_order_in_which_they_put_the_frames():
     """Spearman: 1 - 6 Σd² / (n (n² - 1)); reversed -1, one neighbouring pair of four swapped 1 - 12/60."""
-    up, track = np.array([1.0, 2, 3, 4]) / 10, np.zeros(4)
-    losses = [
-        MeasuredLosses(name, track, constant)
-        for name, constant in [("a", up), ("b", up[::-1] ** 2), ("c", up[[0, 2, 1, 3]]), ("d", 0 * up)]
-    ]
+    up = np.array([1.0, 2, 3, 4]) / 10
+    losses = {"a": up, "b": up[::-1] ** 2, "c": up[[0, 2, 1, 3]], "d": 0 * up}
     found = {(one.first, one.second): one.correlation for one in agreements_of(losses)}
     assert found["a", "b"] == pytest.approx(-1)
     assert found["a", "c"] == pytest.approx(0.8)
@@ -89,7 +87,7 @@ def test_the_metric_sees_the_track_beside_even_dimming_of_the_same_mean():
         return 10 - float(np.abs(test / reference - 1).max())
 
     factors = np.concatenate([np.full(15, 0.4), np.full(15, 0.6)])
-    (stretch,), _ = judged_modulation(judged_with(factors), metric)
+    (stretch,), _ = judged_modulation(*judged_with(factors), metric)
     test, reference, rate, pixels_per_degree, peak = given[0]
     assert test.shape == reference.shape == (30, 9, 16, 3)
     np.testing.assert_allclose(test[[0, 29], 4, 5, 1], 25.75 * np.array([0.4, 0.6]) + 3, rtol=1e-6)
@@ -114,7 +112,7 @@ def test_where_pixels_dim_black_stays_as_light_as_it_is():
     frame[:, 4:] = 1.0
     track = track_of([0.4] * 15 + [0.6] * 15, header=replace(HEADER, actuator=Actuator.PIXELS))
     shown = FramesInMemory([frame] * 30, 25.0)
-    judged_modulation(JudgedVideo(shown, LAB, LoadedTrack(track, 0.5, "test"), FULL_ANALYSIS), metric)
+    judged_modulation(shown, LAB, track, metric)
     test, reference = given[0]
     np.testing.assert_allclose([test[0, 0, 3:5, 1], reference[0, 0, 3:5, 1]], [[4, 43], [4, 53]], rtol=1e-6)
 
@@ -126,7 +124,7 @@ def test_large_frames_are_averaged_to_few_pixels_of_as_many_degrees():
         sizes.append((test.shape[2], pixels_per_degree))
         return 9.0
 
-    judged_modulation(judged_with(np.linspace(0.4, 0.5, 30), shape=(180, 320, 3)), metric)
+    judged_modulation(*judged_with(np.linspace(0.4, 0.5, 30), shape=(180, 320, 3)), metric)
     width, pixels_per_degree = sizes[0]
     assert width == (MOST_PIXELS * 16 / 9) ** 0.5 == 160
     assert width / pixels_per_degree == 320 / 20
@@ -141,7 +139,7 @@ def test_large_frames_are_averaged_to_few_pixels_of_as_many_degrees():
     ],
 )
 def test_where_movement_cannot_be_judged_the_note_says_why(factors, rate, metric, words):
-    stretches, note = judged_modulation(judged_with(factors, rate), metric)
+    stretches, note = judged_modulation(*judged_with(factors, rate), metric)
     assert stretches == ()
     assert words in note
 
@@ -174,23 +172,47 @@ def test_color_video_vdp_is_told_the_light_the_geometry_and_no_ambient_light(mon
     assert told["ratio"] == 0.5
 
 
-def test_the_report_warns_where_measures_reverse_and_where_a_track_is_worse():
-    up = np.array([0.1, 0.2, 0.3, 0.4])
-    losses = [
-        MeasuredLosses("a", up / 2, up),
-        MeasuredLosses("b", 2 * up, up[::-1]),
-        MeasuredLosses("c", up, up[[2, 0, 1, 3]]),  # 1 - 6 · (4 + 1 + 1) / 60 = 0.4 with a, -0.4 with b
-    ]
-    judgement = Judgement(
+def judgement_of(losses):
+    return Judgement(
         video="clip", display="lab", frames=4, mean_factor=0.5, constant_factor=0.5,
-        measured=tuple(one.summary() for one in losses), agreements=agreements_of(losses),
+        measured=tuple(measured_track(name, *both) for name, both in losses.items()),
+        agreements=agreements_of({name: evenly for name, (_, evenly) in losses.items()}),
         modulation=(), modulation_note="not asked", provenance=ORIGIN,
     )  # fmt: skip
-    page = report_html(judgement_report(judgement, b""))
+
+
+def test_the_report_says_what_each_measure_counts_and_the_factor_where_that_of_constant_dimming_differs():
+    up = np.array([0.1, 0.2, 0.3, 0.4])
+    assert [*COUNTED] == [*MEASURES]
+    judgement = judgement_of({"relative": (up / 2, up), "absolute": (up / 4, up)})
+    page = report_html(JudgedTrack(judgement).report(b""))
+    assert "as a share of all pairs, not of the visible ones" in page
+    assert "Depending on the measure, frames of clip differ in loss from 75 % less (absolute) to 50" in page
+    assert "brightness factor" not in page
+    other = JudgedTrack(replace(judgement, constant_factor=0.52)).report(b"")
+    assert "constant dimming has a brightness factor of 0.520, the track one of 0.500" in report_html(other)
+    alone = JudgedTrack(judgement_of({"relative": (up / 2, up)}))
+    assert alone.summary().startswith(
+        "Frames of clip differ in loss 50 % less (relative) than under constant"
+    )
+
+
+def test_the_report_warns_where_measures_reverse_and_where_a_track_is_worse():
+    up = np.array([0.1, 0.2, 0.3, 0.4])
+    losses = {
+        "a": (up / 2, up),
+        "b": (2 * up, up[::-1]),
+        "c": (up, up[[2, 0, 1, 3]]),  # 1 - 6 · (4 + 1 + 1) / 60 = 0.4 with a, -0.4 with b
+    }
+    judgement = judgement_of(losses)
+    result = JudgedTrack(judgement)
+    page = report_html(result.report(b""))
     assert "Opposite orders of the frames (rank correlation): a and b (-1.00)." in page
     assert "By b, the track is less even than constant dimming." in page
     assert "Hardly any agreement on the order of the frames (rank correlation): b and c (-0.40)." in page
     assert "a and c" not in page
     assert "differ in loss by from" not in page
     assert "from 50 % less (a) to 100 % more (b) than under constant dimming" in page
+    assert "lowest rank correlation: -1.00 (a and b)" in result.summary()
+    assert repr(result).startswith("<clip, judged by several measures>")
     assert judgement_figure(replace(judgement, measured=judgement.measured[:1], agreements=())).axes

@@ -15,7 +15,7 @@ import pytest
 
 import evenlight
 from evenlight.analysis.player.picture_recorder import PictureCache
-from evenlight.analysis.player.player_page import Tiles
+from evenlight.analysis.player.proxy_video import Tiles
 from evenlight.analysis.tracks import track_results
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
@@ -25,17 +25,13 @@ from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import write_loss_curves
-from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.checkpoints import AnalysedFrames
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit
 from evenlight.stimuli.video import curves_cache
 
-SECONDS = 4.0  # that each frame is shown: a minute is 15 frames, and a stretch 16 contents
-LARGE, SMALL = (
-    (232, 288, 3),
-    (16, 24, 3),
-)  # the first is just large enough for fine bands that are counted where they change
+SECONDS = 4.0  # that each frame is shown: a minute is 15 frames, of 12 contents
+SIZE = 16, 24, 3
 
 
 @dataclass
@@ -47,7 +43,6 @@ class Slides:
     seconds: float = SECONDS
     seed: int = 1
     name: str = "slides"
-    size: tuple[int, int, int] = LARGE
     read: list[int] = field(default_factory=list)  # numbers of the frames that were asked for
 
     @property
@@ -61,7 +56,7 @@ class Slides:
         return self.frames_at(range(self.count))
 
     def frames_at(self, numbers: Sequence[int]) -> Iterator[Frame]:
-        noise = np.random.default_rng(self.seed).integers(0, 120, self.size, dtype=np.uint8)
+        noise = np.random.default_rng(self.seed).integers(0, 120, SIZE, dtype=np.uint8)
         for k in numbers:
             if k == self.breaks_at:
                 raise KeyboardInterrupt
@@ -72,9 +67,7 @@ class Slides:
 
 def job_of(slides: Slides, **changes: Any) -> OptimizationJob:
     request = Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), load_rate_limit("surace2025"))
-    job = OptimizationJob(
-        slides, load_display("varjo-xr3"), request, effort=AnalysisEffort(0.001), cached=True, quiet=True
-    )
+    job = OptimizationJob(slides, load_display("varjo-xr3"), request, cached=True, quiet=True)
     return replace(job, **changes)
 
 
@@ -93,29 +86,19 @@ def written(job: OptimizationJob, path: Path) -> tuple[bytes, list[tuple[int, by
     return path.read_bytes(), [(number, pixels.tobytes()) for number, pixels in samples.held]
 
 
-# Contents 0 to 15 are frames 0 to 19, and contents 16 to 31 end with frame 39: a fifth of the frames stay.
-# What is read is further than what is kept, by two stretches of large frames.
+# What is read is further than what is kept, by three contents.
 @pytest.mark.parametrize(
-    ("actuator", "size", "breaks_at", "begun"),
-    [
-        (Actuator.BACKLIGHT, LARGE, 45, 20),
-        (Actuator.BACKLIGHT, LARGE, 63, 40),
-        (Actuator.PIXELS, SMALL, 45, 40),
-    ],
+    ("actuator", "breaks_at", "begun"),
+    [(Actuator.BACKLIGHT, 45, 30), (Actuator.BACKLIGHT, 62, 45), (Actuator.PIXELS, 63, 60)],
 )
 def test_an_interrupted_run_goes_on_where_it_was_and_ends_with_the_same_bytes(
-    actuator: Actuator,
-    size: tuple[int, int, int],
-    breaks_at: int,
-    begun: int,
-    tmp_path: Path,
-    folder: Path,
+    actuator: Actuator, breaks_at: int, begun: int, tmp_path: Path, folder: Path
 ) -> None:
-    whole = written(job_of(Slides(size=size), actuator=actuator, cached=False), tmp_path / "whole.npz")
+    whole = written(job_of(Slides(), actuator=actuator, cached=False), tmp_path / "whole.npz")
     assert not folder.exists()
     with pytest.raises(KeyboardInterrupt):
-        loss_curves_of(job_of(Slides(size=size, breaks_at=breaks_at), actuator=actuator), FrameSamples())
-    slides = Slides(size=size)
+        loss_curves_of(job_of(Slides(breaks_at=breaks_at), actuator=actuator), FrameSamples())
+    slides = Slides()
     assert written(job_of(slides, actuator=actuator), tmp_path / "resumed.npz") == whole
     assert slides.read[:3] == [0, begun, begun + 1]
     assert [path.suffix for path in folder.iterdir()] == [".npz"]
@@ -142,10 +125,9 @@ def test_another_budget_reads_the_sampled_frames_alone(tmp_path: Path) -> None:
         lambda job: replace(job, model=load_contrast_model("as-printed")),
         lambda job: replace(job, field_of_view=20.0),
         lambda job: replace(job, min_factor=0.3),
-        lambda job: replace(job, effort=AnalysisEffort(0.002)),
         lambda job: replace(job, actuator=Actuator.PIXELS),
     ],
-    ids=["content", "rate", "display", "model", "geometry", "knots", "tolerance", "actuator"],
+    ids=["content", "rate", "display", "model", "geometry", "knots", "actuator"],
 )
 def test_curves_of_anything_else_are_not_taken(
     changed: Callable[[OptimizationJob], OptimizationJob], folder: Path
@@ -172,11 +154,11 @@ def test_curves_of_other_code_are_not_taken(
 def test_damaged_files_are_made_again(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         loss_curves_of(job_of(Slides(breaks_at=63)), FrameSamples())
-    second = max(folder.iterdir())
-    second.write_bytes(second.read_bytes()[:-100])
+    last = max(folder.iterdir())
+    last.write_bytes(last.read_bytes()[:-100])
     slides = Slides()
     first = written(job_of(slides), tmp_path / "first.npz")
-    assert slides.read[1] == 20  # the first part alone
+    assert slides.read[1] == 45  # the parts before
     (kept,) = folder.iterdir()
     kept.write_bytes(kept.read_bytes()[:1000])
     slides = Slides()

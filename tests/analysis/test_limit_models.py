@@ -10,14 +10,13 @@ import numpy as np
 import pytest
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
-from evenlight.analysis.calibration.choices.limit_choices import SAFE, limit_choices
-from evenlight.analysis.calibration.fit_summary import summary_of
+from evenlight.analysis.calibration.calibration_sections import curve_table
+from evenlight.analysis.calibration.fit_report import summary_of
 from evenlight.analysis.calibration.level_estimates import fit_pooled
 from evenlight.analysis.calibration.limit_models import LimitModels
+from evenlight.analysis.calibration.ramp_findings import ramp_findings
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, basis_for
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
-from evenlight.analysis.calibration.rate_limit_section import rate_limit_section
-from evenlight.analysis.figure_style import PAGE, new_figure, png_bytes
 from evenlight.analysis.ramp_loading import RampData
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -120,7 +119,7 @@ def test_the_earlier_fits_give_what_they_gave_and_the_joint_one_stands_beside_th
     earlier = (
         fit_thresholds(thresholds, DISPLAY, quartic)
         if model is RateLimitModel.INDIVIDUAL
-        else fit_pooled(trials(), DISPLAY, quartic).curve
+        else fit_pooled(trials(), DISPLAY, quartic)
     )
     limit = found.rate_limit.limit
     assert limit.model is model
@@ -137,12 +136,12 @@ def test_the_summary_and_the_report_show_the_other_models_as_ratios(joint: Calib
     mean = np.exp(np.mean(np.log(rate_limit_at(pooled, there) / rate_limit_at(ours, there))))
     assert models["pooled"]["ratio_to_chosen_mean"] == pytest.approx(mean, rel=1e-9)
     assert models["joint"]["ratio_to_chosen_max"] == 1
-    section = rate_limit_section(joint, png_bytes(new_figure(PAGE, height=0.1)))
-    table = section.tables[0]
-    assert table.columns[-2:] == ("individual / limit", "pooled / limit")
-    last = float(rate_limit_at(pooled, 100.0) / rate_limit_at(ours, 100.0))
-    assert table.rows[-1][-1] == f"{last:.2f}"
-    assert {"95 % simultaneous band", "95 % pointwise band"} <= set(table.columns)
+    limits, curves = ramp_findings(joint).sections[0].tables[:2]
+    assert {"95 % simultaneous band", "95 % pointwise band"} <= set(limits.columns)
+    there = np.linspace(6, 100, 401)
+    share = rate_limit_at(pooled, there) / rate_limit_at(ours, there) - 1
+    (said,) = [row[-1] for row in curves.rows if str(row[0]).startswith("pooled")]
+    assert str(said).startswith(f"{100 * share[np.argmax(np.abs(share))]:+.0f} % at".replace("-", "−"))
 
 
 def test_all_models_are_fitted_to_the_same_ramps() -> None:
@@ -187,7 +186,7 @@ def test_one_or_two_levels_give_a_constant_or_a_line_and_say_so_first(
     one_by_one = scalar_rate_limit(limit)
     for L in (1.0, 20.0, 50.0, 300.0):
         assert one_by_one(L) == pytest.approx(float(rate_limit_at(limit, L)), rel=1e-12)
-    assert limit_choices(found).fitted.limit.coefficients == limit.coefficients
+    assert curve_table(found.models).rows[0][-1] == "the limit"
 
 
 def test_one_luminance_twice_is_the_range_of_a_constant_alone() -> None:
@@ -216,7 +215,6 @@ def test_one_participant_of_another_model_has_no_band_which_is_said_first(model:
     limit = found.rate_limit.limit
     assert limit.band_luminance == ()
     assert "no band" in found.warnings[0]
-    assert "no band" in limit_choices(found).missing[SAFE]
     with pytest.raises(
         InputError, match=f"fitted by the {model.value} model, it has no band; .*accept_wide_band"
     ):
@@ -239,12 +237,6 @@ def test_fewer_than_four_participants_are_told_where_the_width_comes_from(joint:
     assert not any(said in words for words in joint.warnings)
 
 
-def test_the_safe_edge_is_no_models_fit_and_can_be_used(joint: Calibration) -> None:
-    safe = limit_choices(joint).named(SAFE)
-    assert safe is not None
-    require_known(safe.limit)
-
-
 def test_pooled_answers_leave_nobody_out() -> None:
     rows = tuple(
         dataclasses.replace(row, response=Response.YES) if row.participant_id == "03" else row
@@ -254,16 +246,13 @@ def test_pooled_answers_leave_nobody_out() -> None:
     assert pooled.excluded_participants == {}
 
 
-def test_a_band_too_wide_for_use_has_no_safe_edge_and_is_the_first_warning(joint: Calibration) -> None:
+def test_a_band_too_wide_for_use_is_the_first_warning(joint: Calibration) -> None:
     fit = joint.rate_limit
     edges = {"band_lower": tuple(x / 3 for x in fit.limit.band_lower)}
     wide = dataclasses.replace(fit, limit=dataclasses.replace(fit.limit, **edges))
     models = LimitModels(RateLimitModel.INDIVIDUAL, {RateLimitModel.INDIVIDUAL: wide})
     found = dataclasses.replace(joint, models=models)
     assert found.warnings[0].startswith("the rate limit is not for use: at ")
-    choices = limit_choices(found)
-    assert choices.named(SAFE) is None
-    assert "at most 4 is of use" in choices.missing[SAFE]
 
 
 @pytest.mark.parametrize(

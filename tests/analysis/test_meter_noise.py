@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.sweeps.repeated_readings import (
+from evenlight.analysis.sweeps.repeated_readings import (
     Repeats,
     noise_of,
     scattered_rounding,

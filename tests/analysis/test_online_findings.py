@@ -8,16 +8,16 @@ import pytest
 from online_spread_coverage import coverage, walk_ratios
 from scipy import stats
 
-from evenlight.analysis.reproduction.online_findings import online_findings
-from evenlight.analysis.reproduction.online_run import SweepPoint, TargetSweep, online_run, target_sweep
+from evenlight.analysis.reproduction.online import online_findings
+from evenlight.analysis.results import Analysis
 from evenlight.analysis.tracks.loss_spread import spread_ratio
 from evenlight.data_schema.analysis_results import Origin
-from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import scalar_rate_limit
 
+TARGETS = [0.05, 0.1, 0.2, 0.5]
 CONTROLLER = Controller(ControllerSettings(0.1), scalar_rate_limit(load_rate_limit("surace2025")))
 
 
@@ -30,11 +30,25 @@ def rooms(make_curves: Callable[..., LossCurves]) -> LossCurves:
     )
 
 
-def test_constant_dimming_has_the_mean_brightness_of_the_controller(rooms: LossCurves) -> None:
-    run = online_run(rooms, CONTROLLER)
-    assert run.constant_factor == pytest.approx(np.mean(run.track.factors), rel=1e-12)
-    expected = (0.25 + 0.1 * np.sin(rooms.times / 8)) * (1 - run.constant_factor)
-    np.testing.assert_allclose(run.constant_loss, expected, atol=1e-12)
+@pytest.fixture(scope="module")
+def found(rooms: LossCurves) -> Analysis:
+    return online_findings(rooms, rooms, CONTROLLER, TARGETS)
+
+
+def drawn(found: Analysis, panel: str, series: str) -> list[float]:
+    points = (p for own in found.drawings for p in own.points if (p.panel, p.series) == (panel, series))
+    return [point.y for point in points]
+
+
+def test_constant_dimming_has_the_mean_brightness_of_the_controller(
+    found: Analysis, rooms: LossCurves
+) -> None:
+    factors, (constant, *_) = (
+        drawn(found, "brightness factor", series) for series in ("online controller", "constant dimming")
+    )
+    assert constant == pytest.approx(np.mean(factors), rel=1e-12)
+    expected = (0.25 + 0.1 * np.sin(rooms.times / 8)) * (1 - constant)
+    np.testing.assert_allclose(drawn(found, "contrast loss", "constant dimming"), expected, atol=1e-12)
 
 
 def test_ratio_is_that_of_the_standard_deviations_over_time() -> None:
@@ -85,9 +99,9 @@ def test_correlation_time_is_the_contents() -> None:
 
 @pytest.mark.parametrize("n", [1, 5])
 def test_content_that_never_changes_has_no_ratio(make_curves: Callable[..., LossCurves], n: int) -> None:
-    run = online_run(make_curves(np.full(n, 0.3)), CONTROLLER)
-    found = online_findings(run, sweep_of())
-    ratio = next(row for row in found.statistics if row.what.startswith("SD of the controller /"))
+    curves = make_curves(np.full(n, 0.3))
+    found = online_findings(curves, curves, CONTROLLER, [0.05, 0.1])
+    ratio = next(row for row in found.rows if row.what.startswith("SD of the controller /"))
     assert ratio.value is None
     assert "never changes" in ratio.flag
     assert "nothing to steady" in found.lead
@@ -100,25 +114,20 @@ def test_a_perfectly_steady_loss_has_ratio_0_and_no_interval() -> None:
     assert found.flag
 
 
-def sweep_of() -> TargetSweep:
-    return TargetSweep("basement", 10, (SweepPoint(0.0, 1.0, 0.0), SweepPoint(0.1, 0.5, 0.1)))
-
-
-def test_a_larger_target_saves_more_until_the_lowest_factor(rooms: LossCurves) -> None:
-    points = target_sweep(rooms, CONTROLLER, [0.0, 0.05, 0.1, 0.2, 0.5])
-    factors = [point.mean_factor for point in points]
-    assert factors[0] == pytest.approx(1.0, abs=1e-12)
+def test_a_larger_target_saves_more_until_the_lowest_factor(found: Analysis) -> None:
+    factors = drawn(found, "mean brightness factor", "online controller")
+    assert len(factors) == len(TARGETS)
+    assert factors[0] < 1
     assert all(a > b for a, b in itertools.pairwise(factors))
     assert factors[-1] == pytest.approx(0.2, abs=1e-9)
-    assert points[2].mean_loss == pytest.approx(0.1, abs=0.01)
+    assert drawn(found, "mean contrast loss reached", "online controller")[1] == pytest.approx(0.1, abs=0.01)
 
 
-def test_findings_set_the_published_beside_ours(rooms: LossCurves) -> None:
-    found = online_findings(online_run(rooms, CONTROLLER), sweep_of())
+def test_findings_set_the_published_beside_ours(found: Analysis) -> None:
     assert found.name == "online"
-    printed = [row.value for row in found.statistics if row.origin is Origin.PUBLISHED]
+    printed = [row.value for row in found.rows if row.origin is Origin.PUBLISHED]
     assert printed == [0.12, 0.19, pytest.approx(0.12 / 0.19)]
-    ratio = next(row for row in found.statistics if row.what.startswith("SD of the controller /"))
+    ratio = next(row for row in found.rows if row.what.startswith("SD of the controller /"))
     assert ratio.n == 600
     assert ratio.value is not None
     assert ratio.value < 1
@@ -126,15 +135,11 @@ def test_findings_set_the_published_beside_ours(rooms: LossCurves) -> None:
     assert (ratio.ci_low, ratio.ci_high) == (None, None)
     assert "no interval" in ratio.flag
     assert "95 %" not in found.lead
-    fastest = next(row.value for row in found.statistics if row.what.startswith("largest ratio"))
+    fastest = next(row.value for row in found.rows if row.what.startswith("largest ratio"))
     assert fastest is not None
     assert fastest <= 1
-    drawn = {(point.panel, point.series) for point in found.drawings[0].points}
-    assert ("contrast loss", "target") in drawn
-    assert len(found.drawings[0].points) == 5 * 600 + 2
-    assert all(drawing.png.startswith(b"\x89PNG") for drawing in found.drawings)
-
-
-def test_a_sweep_of_one_target_is_refused() -> None:
-    with pytest.raises(InputError, match="two targets or more, rising, got"):
-        TargetSweep("basement", 10, (SweepPoint(0.1, 0.5, 0.1),))
+    assert ratio.flag.startswith("partly determined: gains and rate limit; ")
+    assert len(found.drawings[0].points) == 5 * 600  # two losses, the target, two factors
+    (line,) = [row for row in found.sections[0].tables[0].rows if row[1].startswith("SD of the controller /")]
+    assert line[2:4] == ("0.632", f"{ratio.value:.3g}")
+    assert line[5:8] == ("computed", "partly determined", "gains and rate limit")

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.played_power.pass_power import PassComparison, PowerEstimate, equal_power
+from evenlight.analysis.played_power.pass_power import PassComparison, PowerEstimate
+from evenlight.analysis.played_power.power_report import _equal_power
 from evenlight.data_schema.recordings.played_power import PassPower
 
 T_975 = {1: 12.706, 2: 4.303, 5: 2.571}  # Student's t, of any table
@@ -86,7 +87,7 @@ def test_one_pass_of_each_has_differences_and_no_interval() -> None:
     assert found is not None
     assert found.interval() == (None, None)
     assert comparison.drift is None
-    equal = equal_power(comparison, 1.8)
+    equal = _equal_power(comparison, 1.8)
     assert equal is not None
     assert (equal.p, equal.equal) == (None, None)
 
@@ -96,7 +97,7 @@ def test_a_version_that_was_not_measured_is_compared_with_nothing() -> None:
     assert comparison.versions == ["ours"]
     assert comparison.difference("ours", "baseline") is None
     assert comparison.saving("ours") is None
-    assert equal_power(comparison, None) is None
+    assert _equal_power(comparison, None) is None
 
 
 def test_passes_that_do_not_count_are_left_out() -> None:

@@ -1,11 +1,15 @@
-"""Claims about planning: what a plan promises is what experiments of that size give."""
+"""Claims about planning calibrations: what a plan promises is what experiments of that size give."""
 
 from __future__ import annotations
 
+import csv
 import dataclasses
+import json
 import math
 import time
 from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -15,21 +19,20 @@ from scipy import special
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import FINE_NODES
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
-from evenlight.analysis.plan_command import STANDARD_DESIGNS
+from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
+from evenlight.analysis.plans import ramp_plan
+from evenlight.analysis.plans.plan import Plan, people_in_words
+from evenlight.analysis.plans.questions import RampQuestion, whole_numbers
 from evenlight.analysis.plans.ramp_plan import (
-    PlanRequest,
-    RampPlan,
-    _rows,
-    _Sessions,
-    plan_ramps,
-)
-from evenlight.analysis.plans.ramp_plan_pool import (
     PLANNING_NODES,
-    Experiments,
+    SHAPE,
     first_trials,
+    joined,
+    limits_of,
     participants_needed,
-    pool_of,
-    resampling_spread,
+    plan_ramps,
+    rows_of,
+    sessions_of,
     with_trials_per_level,
     work_of,
 )
@@ -41,9 +44,9 @@ from evenlight.data_schema.recordings.ramp import (
     Direction,
     Placement,
     RampDesign,
-    RampTrial,
     session_minutes,
 )
+from evenlight.data_schema.threshold import ThresholdFlag
 from evenlight.experiments.design_files import load_design
 from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
 from evenlight.method.preset_files import load_display
@@ -51,37 +54,47 @@ from evenlight.method.preset_files import load_display
 pytestmark = pytest.mark.slow
 
 
-def request(**changes: object) -> PlanRequest:
-    small = {"participants": (4, 16), "trials": (15, 60), "pool": 24, "draws": 40}
-    return PlanRequest({"made": DESIGN}, load_display("varjo-xr3"), **(small | changes))
+DESIGNS = {"made": DESIGN}
+
+
+def question(**changes: object) -> RampQuestion:
+    return RampQuestion(**({"design": ("made",), "trials": "15,60"} | changes))
+
+
+@pytest.fixture(autouse=True, scope="module")
+def quick_observers() -> Iterator[None]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ramp_plan, "simulated_trials_and_thresholds", simulated)
+        patch.setattr(ramp_plan, "load_design", lambda name: DESIGNS.get(name) or load_design(name))
+        yield
 
 
 @pytest.fixture(scope="module")
-def plan() -> RampPlan:
-    return plan_ramps(request(), simulated)
+def plan(quick_observers: None) -> Plan:
+    return plan_ramps(question(), (4, 16))
 
 
-def row_of(plan: RampPlan, trials: int, participants: int) -> RampPlanRow:
+def row_of(plan: Plan, trials: int, participants: int) -> RampPlanRow:
     return next(
         row for row in plan.rows if (row.trials_per_level, row.participants) == (trials, participants)
     )
 
 
-def test_the_error_falls_with_the_root_of_the_number_of_participants(plan: RampPlan) -> None:
-    # Four times the participants: half the error. An RMS over 40 draws is known to 1/sqrt(80) = 11 %, so
-    # their ratio to 16 %; three standard errors about 2 are 1.2 to 3.2.
+def test_the_error_falls_with_the_root_of_the_number_of_participants(plan: Plan) -> None:
+    # Four times the participants: half the error. An RMS over 400 draws is known to 1/sqrt(800) =
+    # 3.5 %, so their ratio to 5 %; three standard errors about 2 are 1.7 to 2.3.
     for trials in (15, 60):
         ratio = np.log1p(row_of(plan, trials, 4).error) / np.log1p(row_of(plan, trials, 16).error)
-        assert 1.2 < ratio < 3.2
+        assert 1.7 < ratio < 2.35
 
 
-def test_the_band_of_few_participants_is_wider_than_the_root_says(plan: RampPlan) -> None:
+def test_the_band_of_few_participants_is_wider_than_the_root_says(plan: Plan) -> None:
     """Student's t: 3.18 with four participants, 2.13 with sixteen."""
     ratio = np.log1p(row_of(plan, 60, 4).half_width) / np.log1p(row_of(plan, 60, 16).half_width)
     assert ratio == pytest.approx(2 * 3.182 / 2.131, rel=0.25)
 
 
-def test_the_error_is_what_participants_and_levels_scatter_by(plan: RampPlan) -> None:
+def test_the_error_is_what_participants_and_levels_scatter_by(plan: Plan) -> None:
     """With many trials only people are left: σ² = 0.25² + (their own levels, of which five coefficients of
     a quartic through five levels keep all) 0.1² + the trials' 0.1² or so, by 16 participants."""
     row = row_of(plan, 60, 16)
@@ -89,14 +102,14 @@ def test_the_error_is_what_participants_and_levels_scatter_by(plan: RampPlan) ->
     assert np.log1p(row.error) == pytest.approx(expected, rel=0.35)  # the pool's SD is known to 15 %
 
 
-def test_a_threshold_is_known_better_by_the_root_of_the_number_of_trials(plan: RampPlan) -> None:
+def test_a_threshold_is_known_better_by_the_root_of_the_number_of_trials(plan: Plan) -> None:
     # Four times the trials: half the error, a little less since the prior helps where trials are few.
     ratio = row_of(plan, 15, 4).threshold_error_ln / row_of(plan, 60, 4).threshold_error_ln
     assert 1.3 < ratio < 2.3
 
 
-def test_the_bands_hold_the_truth_as_often_as_they_say(plan: RampPlan) -> None:
-    # 80 draws per row, whose levels go together: 95 % is known to 2.4 %, and the pool's own scatter adds.
+def test_the_bands_hold_the_truth_as_often_as_they_say(plan: Plan) -> None:
+    # 400 draws per row, whose levels go together: 95 % is known to 1.1 %, and the pool's own scatter adds.
     assert all(row.coverage >= 0.85 for row in plan.rows)
 
 
@@ -109,9 +122,43 @@ def test_participants_needed_are_enough_and_one_less_is_not() -> None:
     assert participants_needed(10.0, 0.01) is None
 
 
-def test_the_same_seed_gives_the_same_plan_in_any_order_of_the_work() -> None:
-    small = request(participants=(3,), trials=(15,), pool=6, draws=4)
-    assert plan_ramps(small, simulated).rows == plan_ramps(small, simulated).rows
+def test_the_same_seed_gives_the_same_plan() -> None:
+    small = question(trials="15")
+    assert plan_ramps(small, (3,), pool=6).rows == plan_ramps(small, (3,), pool=6).rows
+
+
+def test_the_closed_form_is_the_mixed_model_of_thresholds_that_are_equally_well_known() -> None:
+    """Standard errors of nought leave the scatter to the model: it is REML then, of balanced data."""
+    display, rng = load_display("varjo-xr3"), np.random.default_rng(3)
+    trials = simulated(with_trials_per_level(DESIGN, 15), display, 6, seed=4)[0]
+    fits = [fit.threshold for fit in fit_thresholds_of(trials, judge=False)]
+    luminance = np.unique([t.luminance for t in fits])
+    own = 0.4 * rng.standard_normal((6, 1)) + 0.1 * rng.standard_normal((6, luminance.size))
+    ln_rate = np.log(0.03 * luminance) + own
+    alike = [
+        dataclasses.replace(t, threshold=float(np.exp(ln_rate[int(t.participant_id) - 1, k])), ci_low=1e-9,
+                            ci_high=1e9, standard_error_ln=1e-6, flag=ThresholdFlag.NONE)
+        for t in fits
+        for k in np.flatnonzero(luminance == t.luminance)
+    ]  # fmt: skip
+    limit = fit_thresholds(alike, display, SHAPE).limit
+    band = np.log(
+        [np.interp(luminance, limit.band_luminance, edge) for edge in (limit.band_lower, limit.band_upper)]
+    )
+    curve, error = limits_of(luminance, ln_rate)
+    half = special.stdtrit(5, 0.975) * error
+    # The band is interpolated between 97 luminances.
+    np.testing.assert_allclose(band, [curve - half, curve + half], atol=2e-3)
+
+
+def test_who_has_no_threshold_is_left_out_and_a_missing_one_is_as_the_persons_others() -> None:
+    part = sessions_of(work_of(question(), DESIGN, 3, 1)[0])[0]
+    ln_rate = np.log([[1.0, 2.0, 4.0, 8.0, 16.0]] * 3) + np.array([[0.0], [0.2], [0.4]])
+    ln_rate[0], ln_rate[2, 3] = np.nan, np.nan
+    filled = joined([dataclasses.replace(part, ln_rate=ln_rate)]).ln_rate
+    # Of two people the first alone has the fourth level; the second has 0.1 more than the mean at the others.
+    np.testing.assert_allclose(filled[1, 3], np.log(8.0) + 0.2 + 0.1 * 4 / 4, atol=1e-12)
+    assert len(filled) == 2
 
 
 def test_a_shorter_session_is_the_beginning_of_a_longer_one() -> None:
@@ -146,17 +193,13 @@ def test_adaptive_designs_are_lengthened_by_their_trials_per_level() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"precision": 0.0}, "precision must lie above 0 and not above 2, got 0"),
-        ({"precision": -0.1}, "precision must lie above 0"),
-        ({"participants": (1, 5)}, "participants must be numbers from 2 to 1000, got 1,5"),
-        ({"participants": ()}, "participants must be numbers from 2 to 1000, got none"),
-        ({"trials": (2,)}, "trials must be numbers from 4 to 2000, got 2"),
-        ({"seed": -1}, "seed must be 0 or more"),
+        ({"precision": 0.0}, "precision must be above 0, got 0"),
+        ({"precision": 2.1}, "precision must be at most 2, got 2.1"),
     ],
 )
 def test_what_cannot_be_planned_is_refused_by_its_option(changes: dict[str, object], words: str) -> None:
-    with pytest.raises(InputError, match=words):
-        request(**changes)
+    with pytest.raises(ValueError, match=words):
+        question(**changes)
 
 
 @pytest.mark.parametrize(
@@ -174,16 +217,14 @@ def test_what_cannot_be_planned_is_refused_by_its_option(changes: dict[str, obje
     ],
 )
 def test_designs_without_a_curve_to_plan_for_are_refused_before_anybody_is_simulated(
-    design: RampDesign, words: str
+    design: RampDesign, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def nobody(*_: object) -> tuple[list[RampTrial], dict[tuple[str, float], float]]:
-        raise AssertionError("somebody was simulated")
-
+    monkeypatch.setitem(DESIGNS, "bad", design)
     with pytest.raises(InputError, match=words):
-        plan_ramps(dataclasses.replace(request(), designs={"bad": design}), nobody)
+        plan_ramps(question(design=("made", "bad")), (4,), mapped=lambda *_: pytest.fail("simulated"))
 
 
-def test_the_interval_of_the_participants_needed_is_that_of_other_pools(plan: RampPlan) -> None:
+def test_the_interval_of_the_participants_needed_is_that_of_other_pools(plan: Plan) -> None:
     """ln of the standard error scatters by 1/sqrt(2 · 23) = 15 % between pools of 24 people, of whom it is
     the standard deviation; less as far as their trials make it, and known from 40 draws to 11 % of itself."""
     for row in plan.rows:
@@ -196,22 +237,16 @@ def test_the_interval_of_the_participants_needed_is_that_of_other_pools(plan: Ra
         assert 0.05 < math.log(high / low) / (4 * 1.96) < 0.25
 
 
-def test_a_pool_of_equals_leaves_no_doubt_and_one_of_unequals_does() -> None:
-    half_widths = np.full((8, 5), 0.1)
-    assert resampling_spread(Experiments(half_widths, half_widths, 10)) == pytest.approx(0.0, abs=1e-12)
-    # Draws whose bands are e times as wide as the others', half and half: SD of {0, 1} is sqrt(8/7) / 2.
-    half_widths[:4] *= np.e
-    spread = resampling_spread(Experiments(half_widths, half_widths, 10))
-    assert spread == pytest.approx(math.sqrt(8 / 7) / 2)
-
-
-def test_the_monte_carlo_error_is_that_of_another_pool_and_other_draws(plan: RampPlan) -> None:
-    """The SD of 24 people is known to 1/sqrt(46) = 15 %; 16 of them, drawn 40 times, add 1/sqrt(30) /
-    sqrt(40) = 3 %, and 4 of them 1/sqrt(6) / sqrt(40) = 6 %. Less as far as trials make the band."""
-    for row in plan.rows:
-        assert 0.05 < row.half_width_mc_error < 0.25
-    few, many = row_of(plan, 60, 4), row_of(plan, 60, 16)
-    assert few.half_width_mc_error > many.half_width_mc_error
+def test_a_pool_of_equals_leaves_no_doubt_of_the_participants_needed() -> None:
+    part = sessions_of(work_of(question(), DESIGN, 4, 1)[0])[0]
+    # Pairs of levels that scatter alike in every draw: the chance of who is drawn is left, and no more.
+    two = np.log([[1.0, 2.0, 4.0, 8.0, 16.0]] * 4) + np.array([[-0.1], [0.1], [-0.1], [0.1]])
+    (row,) = rows_of(
+        dataclasses.replace(part, ln_rate=two), (200,), 0.1, 1,
+        design="made", procedure="yes_no", placement="constant", trials_per_level=15,
+    )  # fmt: skip
+    # People alone: an SD of 0.1 sqrt(4/3) gives t · 0.115 / sqrt(200) = 0.0161.
+    assert math.log1p(row.half_width) == pytest.approx(1.972 * 0.1 * math.sqrt(4 / 3 / 200), rel=0.02)
 
 
 def test_planning_fits_on_a_coarser_grid_give_the_thresholds_of_the_fit() -> None:
@@ -227,23 +262,139 @@ def test_planning_fits_on_a_coarser_grid_give_the_thresholds_of_the_fit() -> Non
 
 
 @pytest.mark.real_time
-def test_the_usual_plan_takes_less_than_a_minute_on_two_cores() -> None:
-    """A part of each kind, timed, of a yes/no design and one of two intervals; there are two of each.
-
-    45 s leave room; they are those of a machine without other work.
-    """
-    display = load_display("varjo-xr3")
+def test_the_usual_plan_takes_less_than_a_minute_of_a_core() -> None:
+    """A part of each kind, timed, of a yes/no design and one of two intervals; there are two of each."""
     designs = {name: load_design(name) for name in ("paper", "recommended")}
-    usual = PlanRequest(designs, display, seed=1)
-    seconds, members = 0.0, []
-    for design in designs.values():
-        works = work_of(design, display, usual.trials, usual.pool, usual.seed)
-        before, begun = slowness(), time.process_time()
-        members = pool_of(works[0], simulated_trials_and_thresholds)
-        seconds += 2 * len(works) * (time.process_time() - begun) / ((before + slowness()) / 2)
-    pool = members * (usual.pool // len(members))
-    before, begun = slowness(), time.process_time()
-    _rows(_Sessions(usual, "recommended", 40, pool))
-    taken = (time.process_time() - begun) / ((before + slowness()) / 2)
-    seconds += len(STANDARD_DESIGNS) * len(usual.trials) * taken
-    assert seconds / 2 < 45
+    usual = RampQuestion()
+    seconds = 0.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ramp_plan, "simulated_trials_and_thresholds", simulated_trials_and_thresholds)
+        for design in designs.values():
+            works = work_of(usual, design, RampQuestion.efforts["default"], 1)
+            before, begun = slowness(), time.process_time()
+            sessions_of(works[0])
+            seconds += 2 * len(works) * (time.process_time() - begun) / ((before + slowness()) / 2)
+    assert seconds < 60
+
+
+def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: Plan, tmp_path: Path) -> None:
+    plan.save(tmp_path)
+    with (tmp_path / "plan.csv").open() as stream:
+        rows = list(csv.DictReader(stream))
+    assert len(rows) == len(plan.rows) == 4
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert next(iter(content)) == "in_words"
+    assert content["in_words"] == list(plan.answer)
+    assert content["simulated"] is True
+    assert content["rows"][0]["half_width"] == float(rows[0]["half_width"])
+    assert content["provenance"]["seed"] == 1
+    assert content["effort"] == "default"
+    assert "24 simulated participants" in content["monte_carlo_error"]
+    assert "faster than the joint model" in content["model"]
+    assert (tmp_path / "plan.png").read_bytes()[:4] == b"\x89PNG"
+    assert plan.to_frame()["participants"].tolist() == [row.participants for row in plan.rows]
+
+
+def planned(rows: Iterable[RampPlanRow], designs: dict[str, RampDesign] = DESIGNS, **changes: object) -> Plan:
+    """A plan of given rows."""
+    return ramp_plan._plan(question(design=tuple(designs), **changes), designs, tuple(rows), 24, 1)
+
+
+def test_people_needed_are_told_with_their_interval(plan: Plan) -> None:
+    row = dataclasses.replace(
+        plan.rows[0], participants_needed=33, participants_needed_low=26, participants_needed_high=40
+    )
+    assert people_in_words(row) == "33 (26 to 40)"
+    far = dataclasses.replace(row, participants_needed=None, participants_needed_high=None)
+    assert people_in_words(far) == "above 1000 (26 to above 1000)"
+    assert people_in_words(dataclasses.replace(far, participants_needed_low=None)) == "above 1000"
+
+
+def test_the_closing_words_name_the_cheapest_row_that_is_precise_enough(plan: Plan) -> None:
+    loose = planned((dataclasses.replace(row, meets=True) for row in plan.rows), precision=2.0)
+    cheapest = min(plan.rows, key=lambda row: row.total_hours)
+    (words,) = loose.answer
+    assert words.startswith(f"{cheapest.participants} participants x {cheapest.trials_per_level} trials")
+    assert words.endswith(f"; 200 % takes {people_in_words(cheapest)} participants")
+    none = planned(dataclasses.replace(row, meets=False) for row in plan.rows)
+    assert "no number tried gives ΔL(L) to 10 %" in none.answer[0]
+    beyond = [dataclasses.replace(row, meets=False, hours_needed=None) for row in plan.rows]
+    assert planned(beyond).answer == ("yes_no: nothing tried comes near 10 %",)
+
+
+def test_the_answer_is_the_recommended_design_as_the_guides_run_it(plan: Plan) -> None:
+    """In these rows it needs 33 people with the 30 trials per level of its file, and fewer with 60."""
+    design = load_design("recommended")
+    assert design.trials_per_level in RampQuestion().trial_numbers
+    rows = [
+        dataclasses.replace(
+            row, design="recommended", trials_per_level=trials, minutes=100.4, participants_needed=needed,
+            participants_needed_low=needed - 7, participants_needed_high=needed + 7,
+        )
+        for row in plan.rows
+        for trials, needed in ((60, 23), (30, 33))
+    ]  # fmt: skip
+    answer, *others = planned(rows, {"recommended": design}, trials="30,60").answer
+    assert answer == (
+        "recommended: 33 (26 to 40) participants for ΔL(L) to 10 %, each with `evenlight run ramp --design "
+        "recommended` (30 trials per level, 100 min)"
+    )
+    other = dataclasses.replace(design, trials_per_level=31)  # not tried: no such row
+    assert others == list(planned(rows, {"recommended": other}).answer)
+
+
+def test_two_tasks_are_not_set_off_against_each_other(plan: Plan) -> None:
+    two = [dataclasses.replace(row, procedure="two_interval") for row in plan.rows]
+    words = planned([*plan.rows, *two]).answer
+    assert len(words) == 3
+    assert words[-1].startswith("yes/no and two intervals measure different thresholds")
+
+
+def test_the_figure_draws_the_bands_and_what_is_needed(plan: Plan) -> None:
+    _, upper, left, right = plan.plot("plan").axes
+    drawn = {round(float(y), 9) for y in upper.lines[0].get_ydata()}
+    assert drawn == {round(100 * row.half_width, 9) for row in plan.rows if row.trials_per_level == 60}
+    assert upper.lines[-1].get_ydata()[0] == 10
+    assert set(left.lines[0].get_ydata()) == {row.participants_needed for row in plan.rows}
+    hours = sorted({row.hours_needed for row in plan.rows})
+    assert sorted(right.lines[0].get_ydata()) == pytest.approx(hours)
+
+
+@pytest.mark.parametrize("text", ["", "five", "5;10", "5,,10", "5.5"])
+def test_numbers_that_are_none_are_refused_in_one_line(text: str) -> None:
+    with pytest.raises(InputError, match="--trials takes whole numbers"):
+        whole_numbers(text, "--trials", (4, 2000))
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["ramp", "--quick", "--thorough"], "--quick and --thorough cannot be had together"),
+        (["rating", "--thorough"], "--thorough goes with ramp and search, not with rating"),
+        (["ramp", "--design", "papper"], "papper"),
+        (["ramp", "--trials", "2"], "--trials takes numbers from 4 to 2000, got 2"),
+        (["ramp", "--seed", "-1"], "seed must be 0 or more"),
+        (["reading"], "task 'reading' cannot be planned; there is 'ramp', 'rating'"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused(command, tmp_path: Path, words: list[str], message: str) -> None:
+    result = command("plan", *words, "--out", tmp_path / "out")
+    assert (result.code, result.err.count("\n")) == (2, 1)
+    assert message in result.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_command_plans_a_preset_with_processes_of_its_own(command, tmp_path: Path) -> None:
+    result = command(
+        "plan", "ramp", "--quick", "--design", "yes_no_targeted", "--trials", "6", "--participants", "2,4",
+        "--precision", "0.5", "--out", tmp_path,
+    )  # fmt: skip
+    assert result.code == 0, result.err
+    assert result.err == ""
+    assert "yes_no_targeted" in result.out
+    assert "simulated participants" in result.out
+    content = json.loads((tmp_path / "plan.json").read_text())
+    assert content["effort"] == "quick"
+    assert result.out.splitlines()[-len(content["in_words"]) :] == content["in_words"]  # the answer, last
+    assert content["monte_carlo_error"] in result.out
+    assert len((tmp_path / "plan.csv").read_text().splitlines()) == 3

@@ -14,18 +14,17 @@ import pytest
 from PIL import Image
 
 from evenlight.analysis.player import proxy_video
-from evenlight.analysis.player.contrast_tiles import contrast_tiles
 from evenlight.analysis.player.picture_recorder import PictureRecorder
-from evenlight.analysis.player.player_page import PlayerContent, Proxy, Tiles
+from evenlight.analysis.player.player_page import PlayerContent, contrast_tiles
+from evenlight.analysis.player.proxy_video import Proxy, Tiles
 from evenlight.analysis.tracks import track_results
-from evenlight.analysis.tracks.contrast_map_figure import contrast_map
+from evenlight.analysis.tracks.contrast_map_figure import contrast_maps
 from evenlight.analysis.tracks.control_run import ControlJob
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_results import run_control, run_optimization
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit, read_track
-from evenlight.method.choices import AnalysisEffort
 from evenlight.method.online.controller import ControllerSettings
 from evenlight.method.optimizer.request import Request
 from evenlight.method.power import power
@@ -65,8 +64,8 @@ class Slides:
 def job_of(*slides: Slides, **changes: Any) -> OptimizationJob:
     request = Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), load_rate_limit("surace2025"))
     job = OptimizationJob(
-        slides[0], load_display("varjo-xr3"), request, others=slides[1:], effort=AnalysisEffort(0.001),
-        cached=True, player=True, quiet=True,
+        slides[0], load_display("varjo-xr3"), request, others=slides[1:], cached=True, player=True,
+        quiet=True,
     )  # fmt: skip
     return replace(job, **changes)
 
@@ -120,10 +119,10 @@ def test_power_is_that_of_constant_dimming_and_of_full_brightness(
     """The default panel has a backlight, whose power does not depend on content."""
     job = job_of(Slides(4))
     content = page_of(job, tmp_path / "out", pages)
-    factors = np.array([content.data.baseline_factor, 1.0])
+    factors = np.array([content.data.summary.baseline_factor, 1.0])
     constant, full = power(job.request.power_model, factors, np.ones((2, 3)))
     np.testing.assert_allclose(content.constant_power, np.full(4, constant), rtol=1e-9)
-    assert content.full_power == pytest.approx(float(full))
+    assert content.data.summary.full_power == pytest.approx(float(full))
 
 
 def test_curves_and_picture_of_an_earlier_run_give_the_same_page_and_decode_a_few_frames_alone(
@@ -140,8 +139,6 @@ def test_curves_and_picture_of_an_earlier_run_give_the_same_page_and_decode_a_fe
         assert isinstance(other.picture, Proxy)
         assert other.picture.data == first.picture.data
         assert other.picture.times.tobytes() == first.picture.times.tobytes()
-        assert other.contrast is not None
-        assert first.contrast is not None
         assert other.contrast.data == first.contrast.data
         assert (other.notes, other.details) == (first.notes, first.details)
 
@@ -225,15 +222,17 @@ def test_tiles_are_the_contrast_map_averaged(tmp_path: Path, pages: dict[str, Pl
     display = replace(job.display, pixels_per_degree=10.0)  # the finest detail is visible
     rng = np.random.default_rng(3)
     held = [(k, rng.integers(0, 40, (240, 320, 3), dtype=np.uint8)) for k in (0, 1)]
-    tiles, said = contrast_tiles(held, content.data, display, job.model)
+    tiles, said = contrast_tiles(replace(content.data, samples=held), display, job.model)
     assert (tiles.width, tiles.height, tiles.columns, tiles.frames.tolist()) == (160, 120, 2, [0, 1])
     assert said == "The maps are of details of 5 cycles per degree."  # Nyquist
     with Image.open(io.BytesIO(tiles.data)) as picture:
         sheet = np.asarray(picture).astype(float) / 255
     for k, pixels in held:
         tile = sheet[:, 160 * k : 160 * (k + 1)]
-        for channel, factor in enumerate((content.data.track.factors[k], content.data.baseline_factor)):
-            at = contrast_map(pixels, float(factor), display, job.model)
+        for channel, factor in enumerate(
+            (content.data.track.factors[k], content.data.summary.baseline_factor)
+        ):
+            (at,) = contrast_maps(pixels, [(float(factor), None)], display, job.model)
             visible, lost = (
                 mask.reshape(120, 2, 160, 2).sum(axis=(1, 3)) for mask in (at.reference, at.lost)
             )

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.sweeps.power_fit import fit_line, points_of, slope_through
+from evenlight.analysis.sweeps.power_fit import fit_line, points_of, slope_through
 from evenlight.data_schema.errors import InputError
 
 FACTORS = np.repeat(np.arange(1, 11) / 10, 3)
@@ -13,7 +13,7 @@ def test_readings_on_a_line_give_that_line_back() -> None:
     luminance = 500 * FACTORS
     fit = fit_line(points_of(luminance.tolist(), (0.3 + 0.002 * luminance).tolist(), FACTORS.tolist()))
     assert fit.base_power == pytest.approx(0.3, abs=1e-9)
-    assert fit.slope == pytest.approx(0.002, rel=1e-9)
+    assert fit.power_per_luminance == pytest.approx(0.002, rel=1e-9)
     assert fit.r_squared == pytest.approx(1.0)
     assert fit.bend == pytest.approx(0.0, abs=1e-9)
     assert fit.is_linear
@@ -23,8 +23,10 @@ def test_the_interval_of_a_line_through_equal_weights_is_the_textbook_one() -> N
     # One reading a level: y = 1, 2, 4 over x = 1, 2, 3. Slope 1.5, residuals 1/6, -1/3, 1/6 (sum of squares
     # 1/6, one degree of freedom), standard error sqrt(1/6/2) = 0.2887; t(0.975, 1) = 12.706.
     fit = fit_line(points_of([1.0, 2.0, 3.0], [1.0, 2.0, 4.0], [0.3, 0.6, 0.9]))
-    assert fit.slope == pytest.approx(1.5)
-    assert fit.slope_interval == pytest.approx((1.5 - 12.706 * 0.288675, 1.5 + 12.706 * 0.288675), abs=1e-3)
+    assert fit.power_per_luminance == pytest.approx(1.5)
+    assert fit.power_per_luminance_interval == pytest.approx(
+        (1.5 - 12.706 * 0.288675, 1.5 + 12.706 * 0.288675), abs=1e-3
+    )
 
 
 def test_bright_levels_that_scatter_more_weigh_less() -> None:

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from played_power_truth import Conditions, Truth, chosen, play, write_folder
 
-from evenlight.analysis.measurement.played_power.power_recording import _columns, load_recording
-from evenlight.analysis.measurement.played_power.power_report import _binned, write_power_results
-from evenlight.analysis.measurement.played_power.power_table import MeasuredPower, measure_power
+from evenlight.analysis.played_power.power_recording import _columns, load_recording
+from evenlight.analysis.played_power.power_report import measure_power, write_power_results
+from evenlight.analysis.played_power.power_views import MeasuredPower, _binned
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.recordings.played_power import (
@@ -112,7 +112,21 @@ def test_what_is_saved_is_said_with_its_interval(results: tuple[Path, list[str]]
     assert re.search(
         r"ours saves \d\.\d+ W against full brightness, \d+\.\d+ % \(95 % confidence interval", lines[1]
     )
-    assert lines[2].startswith("ours less baseline: ")
+    assert re.match(r"ours takes 0\.\d+ W, as with constant dimming: difference ", lines[2])
+
+
+def test_from_python_it_answers_as_every_analysis(truth: Truth) -> None:
+    measured = measure_power(truth.recording)
+    assert measured.to_frame()["version"].tolist() == list(VERSIONS)
+    assert list(measured.figures) == ["power"]
+    assert repr(measured).startswith("<Simulated power of simulated clip>\nOurs saves 0.8")
+    assert len(measured.first_lines[0].split()) <= 60
+    assert [card.what for card in measured.first_lines[1]] == [
+        "ours",
+        "saved against full brightness",
+        "ours less constant dimming",
+        "passes count",
+    ]
 
 
 def test_an_lcds_model_predicts_from_the_mean_factor(truth: Truth) -> None:

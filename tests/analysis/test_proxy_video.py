@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from evenlight.analysis.player import proxy_video
-from evenlight.analysis.player.player_page import Proxy
 from evenlight.analysis.player.proxy_video import (
     PictureFormat,
+    Proxy,
     ProxyEncoder,
     StillsEncoder,
     in_background,

@@ -13,9 +13,10 @@ import pytest
 from scipy import stats
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    WIDTH_PRIOR,
     ParameterEstimate,
-    PsychometricPrior,
     fit_psychometric,
+    lapse_prior,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array
@@ -28,8 +29,7 @@ EXPERIMENT = {0.05: "yes/no", 0.5: "2AFC"}
 
 def psignifit_posterior(counts: RampCounts) -> tuple[dict[str, Array], Array]:
     """Return psignifit's nodes, and its masses (lapse, threshold, width)."""
-    prior = PsychometricPrior()
-    a, b = prior.lapse_after(counts.guess_rate)
+    a, b = lapse_prior(counts.guess_rate)
     x = np.log(counts.rates)
     result = psignifit.psignifit(
         np.column_stack([x, counts.n_yes, counts.n_trials]).astype(float),
@@ -38,7 +38,7 @@ def psignifit_posterior(counts: RampCounts) -> tuple[dict[str, Array], Array]:
         fixed_parameters={"eta": 1e-8, **({"gamma": 0.05} if counts.guess_rate == 0.05 else {})},
         priors={
             "lambda": lambda lapse: stats.beta.pdf(lapse, a, b),
-            "width": lambda width: stats.lognorm.pdf(width, prior.width_spread, scale=prior.width_median),
+            "width": lambda width: stats.lognorm.pdf(width, WIDTH_PRIOR[1], scale=WIDTH_PRIOR[0]),
             "threshold": np.ones_like,  # flat where the data are, as ours
         },
         bounds={"width": (0.1, 12.0), "lambda": (0.0, 0.2), "threshold": (x[0] - 1, x[-1] + 1)},

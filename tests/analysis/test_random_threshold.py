@@ -8,16 +8,14 @@ import pytest
 from numpy.typing import NDArray
 from scipy import integrate, special, stats
 
-from evenlight.analysis.calibration.level_estimates import logistic_threshold, pooled_counts
-from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
-from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
-from evenlight.analysis.calibration.psychometric.random_threshold import (
+from evenlight.analysis.calibration.level_estimates import (
     RandomThresholdFit,
-    _Model,
-    _stacked,
+    RandomThresholdModel,
     even_rule,
     fit_random_threshold,
+    logistic_threshold,
 )
+from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts, pooled_counts
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 pytestmark = pytest.mark.slow
@@ -98,9 +96,7 @@ def test_participants_who_are_alike_still_have_an_interval() -> None:
 def test_the_likelihood_is_that_of_adaptive_integration() -> None:
     # Each participant's z integrated by scipy's adaptive quadrature, over the function as it is defined.
     people = experiment(np.random.default_rng(6), n=30)[:3]
-    prior = PsychometricPrior()
-    stacked = _stacked(people, prior)
-    model = _Model(stacked, prior, prior.lapse, even_rule())
+    model = RandomThresholdModel(people, even_rule())
     mu, sd, width, lapse = math.log(3.0), 0.3, 1.4, 0.03
     expected = 0.0
     for counts in people:
@@ -119,7 +115,7 @@ def test_the_likelihood_is_that_of_adaptive_integration() -> None:
 
         area, _ = integrate.quad(density, -8, 8, epsabs=0, epsrel=1e-10, limit=400)
         expected += top + math.log(area)
-    assert model._ln_likelihood(mu, sd, width, lapse) == pytest.approx(expected, abs=1e-7)
+    assert model.ln_likelihood(mu, sd, width, lapse) == pytest.approx(expected, abs=1e-7)
 
 
 def test_with_the_answers_of_a_session_any_fine_rule_agrees() -> None:

@@ -1,7 +1,6 @@
 """The analysis of detail ratings: what it says of made-up ratings, and of hard ones."""
 
 import functools
-import re
 from pathlib import Path
 
 import numpy as np
@@ -9,13 +8,19 @@ import pytest
 from made_ratings import Raters, drawn_ratings, rating_data, rating_trial
 from scipy import stats
 
-from evenlight.analysis.findings import Findings, write_findings
-from evenlight.analysis.inference.cumulative_link import FitFlag
+from evenlight.analysis.inference.exact_tests import sign_flip_test
+from evenlight.analysis.inference.fixed_effects import FitFlag
 from evenlight.analysis.rating.rating_findings import rating_findings
-from evenlight.analysis.rating.rating_model import few_sample_p, permuted_interaction, rating_model
+from evenlight.analysis.rating.rating_model import (
+    few_sample_p,
+    likelihood_ratio,
+    permuted_interaction,
+    rating_fits,
+)
 from evenlight.analysis.rating.rating_order import NO_PAIR
-from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings, version_ratings
-from evenlight.analysis.rating.rating_results import pair_result
+from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings, person_means
+from evenlight.analysis.rating.rating_power import smallest_difference
+from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import task_data_of
 from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial, Version
@@ -34,16 +39,16 @@ def rated(ours: dict[str, list[int]], baseline: dict[str, list[int]]) -> list[Ra
     return trials
 
 
-def statistics(findings: Findings, group: str, beginning: str) -> list[Statistic]:
-    return [s for s in findings.statistics if s.group == group and s.what.startswith(beginning)]
+def statistics(findings: Analysis, group: str, beginning: str) -> list[Statistic]:
+    return [s for s in findings.rows if s.group == group and s.what.startswith(beginning)]
 
 
-def statistic(findings: Findings, group: str, beginning: str) -> Statistic:
+def statistic(findings: Analysis, group: str, beginning: str) -> Statistic:
     return statistics(findings, group, beginning)[0]
 
 
 @functools.cache
-def seventeen() -> Findings:
+def seventeen() -> Analysis:
     """17 people who rate ours a point higher in gym where the scale allows it, and not in library."""
     library = [3, 4, 2, 5, 3, 3, 4, 4, 2, 3, 5, 4, 3, 3, 4, 2, 3]
     other = [4, 3, 2, 5, 3, 4, 3, 4, 2, 3, 5, 4, 3, 4, 3, 2, 3]
@@ -78,14 +83,18 @@ def test_a_difference_that_is_there_is_found_and_one_that_is_not_is_not() -> Non
     assert gym.p_adjusted == pytest.approx(2.0**-13)
     assert (library.value, library.p_value) == (0.0, 1.0)
     both = (15 / 17 + 0) / 2  # the mean of each participant's two differences
-    assert seventeen().lead.startswith(f"The details of ours are rated {both:.2f} points higher")
-    assert "1 of 2 sequences differ beyond chance" in seventeen().lead
+    assert seventeen().lead.startswith(
+        f"Ours was rated {both:.2f} points higher than constant dimming over 2"
+    )
+    assert "1 of 2 sequences differs beyond chance" in seventeen().lead
+    assert [own.value for own in seventeen().key_figures[:3]] == [f"+{both:.2f} points", "1 of 2", "17"]
+    assert len(seventeen().lead.split()) <= 60
 
 
 def test_results_stand_in_the_order_of_the_design_and_say_where_they_come_from() -> None:
-    groups = dict.fromkeys(s.group for s in seventeen().statistics)
+    groups = dict.fromkeys(s.group for s in seventeen().rows)
     assert list(groups) == ["gym", "library", "all"]
-    assert {s.origin for s in seventeen().statistics} == {Origin.SIMULATED}
+    assert {s.origin for s in seventeen().rows} == {Origin.SIMULATED}
     assert all(section.simulated for section in seventeen().sections)
     assert "17 simulated participants" in seventeen().drawings[0].caption
 
@@ -105,7 +114,7 @@ def test_every_number_of_the_figure_has_its_point() -> None:
 def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     data = rating_data(drawn_ratings(Raters(), 4, np.random.default_rng(2)))
     for name in ("one", "other"):
-        write_findings(tmp_path / name, rating_findings(data, 7))
+        rating_findings(data, 7).write(tmp_path / name)
     names = sorted(p.name for p in (tmp_path / "one").iterdir())
     assert names == ["rating.png", "rating_points.csv", "rating_statistics.csv"]
     assert all((tmp_path / "one" / n).read_bytes() == (tmp_path / "other" / n).read_bytes() for n in names)
@@ -114,7 +123,8 @@ def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
 def test_everybody_giving_the_same_rating_gives_flags_and_no_odds_ratio() -> None:
     same = {"gym": [3] * 17, "library": [3] * 17}
     findings = rating_findings(rating_data(rated(same, same)), 1)
-    assert re.fullmatch(r"<Findings 'rating': \d+ numbers, \d+ figures, \d+ sections>", repr(findings))
+    assert repr(findings).startswith("<Analysis of rating: ")
+    assert "Ours and constant dimming were rated alike" in repr(findings)
     odds = statistic(findings, "all", "odds ratio of a higher rating, ours")
     assert (odds.value, odds.p_value) == (None, None)
     assert odds.flag == FitFlag.NO_VARIATION.value
@@ -131,6 +141,8 @@ def test_complete_separation_has_one_sided_odds_and_says_so() -> None:
     odds = statistic(findings, "all", "odds ratio of a higher rating, ours")
     assert odds.value is None
     assert odds.flag
+    cells = findings.sections[2].tables[0].rows[0]
+    assert cells[2].endswith(", no upper bound")  # all fives against all ones: no odds are too high
     difference = statistic(findings, "gym", "mean difference, ours")
     assert (difference.p_value, difference.ci_high) == (2 * 0.5**6, 4.0)  # no further than ratings can differ
     assert statistic(findings, "gym", "probability of superiority").value == 1.0
@@ -179,7 +191,7 @@ def test_a_designed_sequence_that_nobody_rated_keeps_its_rows_and_is_named() -> 
     assert statistic(findings, "all", "odds ratio of a higher rating, house to").what.endswith("to gym")
 
 
-def everybody_their_own() -> Findings:
+def everybody_their_own() -> Analysis:
     """Twelve people, each of whom always gives one rating: the participants' SD has no bound."""
     own = [1 + person % 5 for person in range(12)]
     return rating_findings(rating_data(rated({"gym": own, "house": own}, {"gym": own, "house": own})), 1)
@@ -193,17 +205,17 @@ def test_people_who_always_give_their_own_rating_have_no_odds_ratio_but_the_reas
     spreads = statistics(findings, "all", "standard deviation of the participants'")
     for row in (*odds, *spreads, statistic(findings, "all", "version x sequence, likelihood ratio")):
         assert (row.value, row.ci_low, row.ci_high, row.p_value) == (None, None, None, None)
-        assert FitFlag.APART.value in row.flag
+        assert FitFlag.NOT_CONVERGED.value in row.flag
     (section,) = (s for s in findings.sections if s.title == "All ratings in one model")
     assert all(cells[1:4] == (None, None, None) for cells in section.tables[0].rows)
-    assert "cannot be told (" in section.paragraphs[1]
+    assert "cannot tell (" in section.paragraphs[0]
 
 
 def test_alike_differences_leave_no_smallest_difference_and_one_sequence_no_row_of_all() -> None:
     findings = rating_findings(rating_data(rated({"gym": [4] * 8}, {"gym": [3] * 8}), ("gym",)), 1)
     row = statistic(findings, "gym", "smallest mean difference")
     assert (row.value, row.flag) == (None, "all 8 differences are alike: no spread to compute with")
-    assert {s.group for s in findings.statistics if s.table == "differences"} == {"gym"}
+    assert {s.group for s in findings.rows if s.table == "differences"} == {"gym"}
 
 
 @pytest.mark.slow
@@ -216,7 +228,7 @@ def test_sequences_rated_alike_can_show_the_same() -> None:
 
 
 def test_the_primary_test_is_named() -> None:
-    primary = [s for s in seventeen().statistics if s.method.startswith("primary")]
+    primary = [s for s in seventeen().rows if s.method.startswith("primary")]
     assert {s.what for s in primary} == {"mean difference, ours less baseline"}
 
 
@@ -230,7 +242,7 @@ def test_repetitions_are_averaged_before_they_are_compared() -> None:
     pairs = paired_ratings(trials, "gym")
     assert pairs.values.tolist() == [1.5, -1.0]
     assert (pairs.scores.tolist(), pairs.step) == ([3, -2], 0.5)
-    assert version_ratings(trials, "gym", OURS).values.tolist() == [4.5, 2.5]
+    assert person_means(t for t in trials if t.version is OURS).values.tolist() == [4.5, 2.5]
 
 
 def test_the_mean_over_sequences_is_each_participants_own() -> None:
@@ -243,18 +255,18 @@ def test_the_mean_over_sequences_is_each_participants_own() -> None:
 @pytest.mark.slow
 def test_200_participants_are_no_trouble() -> None:
     trials = drawn_ratings(Raters(effect=0.6), 200, np.random.default_rng(5))
-    result = pair_result(paired_ratings(trials, "gym"), np.random.default_rng(1))
-    assert result.flip is not None
-    assert result.flip.n == 200
-    assert result.smallest is not None
-    assert result.smallest < 0.3
+    pairs = paired_ratings(trials, "gym")
+    assert sign_flip_test(pairs.scores).n == 200
+    smallest = smallest_difference(200, pairs.values.std(ddof=1), np.random.default_rng(1))
+    assert smallest is not None
+    assert smallest < 0.3
 
 
 def test_the_model_finds_the_effect_that_was_put_in() -> None:
     # 40 people, 8 ratings each: the log-odds have a standard error of about 0.3.
     raters = Raters(effect=1.5, effect_sd=0.5, place=-0.6)
-    model = rating_model(drawn_ratings(raters, 40, np.random.default_rng(8)), PAPER_SEQUENCES)
-    for effect, true in ((model.version, 1.5), (model.place, -0.6)):
+    fit, _ = rating_fits(drawn_ratings(raters, 40, np.random.default_rng(8)), PAPER_SEQUENCES)
+    for effect, true in zip(fit.effects[:2], (1.5, -0.6), strict=True):  # of the version, and of the place
         assert effect.estimate is not None
         assert effect.standard_error is not None
         assert abs(effect.estimate - true) < 2.6 * effect.standard_error
@@ -266,12 +278,12 @@ def test_the_model_finds_the_effect_that_was_put_in() -> None:
 def test_an_effect_in_one_sequence_only_is_an_interaction() -> None:
     raters = Raters(by_sequence=(4.0, 0.0, 0.0, -4.0))
     trials = drawn_ratings(raters, 17, np.random.default_rng(3))
-    model = rating_model(trials, PAPER_SEQUENCES)
-    assert model.interaction.df == 3
-    assert model.interaction.p_value is not None
-    assert model.interaction.p_value < 0.001
+    interaction, df = likelihood_ratio(trials, PAPER_SEQUENCES, rating_fits(trials, PAPER_SEQUENCES)[0])
+    assert df == 3
+    assert interaction.p_value is not None
+    assert interaction.p_value < 0.001
     pairs = [paired_ratings(trials, name) for name in PAPER_SEQUENCES]
-    permuted = permuted_interaction(pairs, np.random.default_rng(1))
+    permuted, _ = permuted_interaction(pairs, np.random.default_rng(1))
     assert permuted.p_value is not None
     assert permuted.p_value < 0.001
 
@@ -289,9 +301,9 @@ def test_in_a_normal_model_the_likelihood_ratio_gives_the_p_of_its_f_test() -> N
 
 def test_one_sequence_has_no_interaction() -> None:
     trials = rated({"gym": [4, 5, 3]}, {"gym": [3, 3, 4]})
-    permuted = permuted_interaction([paired_ratings(trials, "gym")], np.random.default_rng(1))
+    permuted, _ = permuted_interaction([paired_ratings(trials, "gym")], np.random.default_rng(1))
     assert (permuted.p_value, permuted.flag) == (None, "one sequence: nothing that could differ")
-    assert rating_model(trials, ("gym",)).interaction.p_value is None
+    assert likelihood_ratio(trials, ("gym",), rating_fits(trials, ("gym",))[0])[0].p_value is None
 
 
 @pytest.mark.slow
@@ -299,7 +311,7 @@ def test_trials_in_memory_give_the_same_numbers_as_sessions() -> None:
     trials = drawn_ratings(Raters(), 6, np.random.default_rng(3))
     in_sessions = rating_findings(rating_data(trials, tuple(sorted(PAPER_SEQUENCES))), 1)
     in_memory = rating_findings(task_data_of("rating", trials, simulated=True), 1)
-    assert in_memory.statistics == in_sessions.statistics
+    assert in_memory.rows == in_sessions.rows
 
 
 def test_without_an_order_a_sentence_takes_the_place_of_its_table() -> None:

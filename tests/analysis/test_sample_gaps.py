@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.analysis.measurement.played_power.power_recording import (
+from evenlight.analysis.played_power.power_recording import (
     Samples,
     count_samples,
     energy_knots,

@@ -12,19 +12,21 @@ import numpy as np
 import pytest
 from made_searches import SearchTruth, made_table, task_data, trials_of
 
-from evenlight.analysis.findings import Findings, write_findings
-from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect
-from evenlight.analysis.search.search_findings import search_findings
-from evenlight.analysis.search.search_results import SearchResults, search_results
-from evenlight.analysis.search.search_sections import (
+from evenlight.analysis.inference.fixed_effects import FitFlag
+from evenlight.analysis.results import Analysis
+from evenlight.analysis.rows import Rows
+from evenlight.analysis.search.search_brightness_figure import curves_figure
+from evenlight.analysis.search.search_findings import (
     averages_section,
     brightness_section,
+    key_figures_of,
+    lead_of,
     pairs_section,
+    search_findings,
     times_section,
 )
-from evenlight.analysis.search.search_statistics import statistics_of
+from evenlight.analysis.search.search_numbers import Study, study_of
 from evenlight.analysis.search.search_trials import search_table
-from evenlight.analysis.search.search_words import design_of, lead_of, slope_words
 from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.search import SearchTrial
@@ -58,40 +60,35 @@ def found_at(trial: SearchTrial, time: float) -> SearchTrial:
     )
 
 
-def results(trials: Iterable[SearchTrial]) -> tuple[SearchResults, dict[tuple[str, str, str], Statistic]]:
-    found, _ = search_results(task_data(tuple(trials)))
-    rows = {(row.table, row.group, row.what): row for row in statistics_of(found)}
+def results(trials: Iterable[SearchTrial]) -> tuple[Study, dict[tuple[str, str, str], Statistic]]:
+    study, _ = study_of(task_data(tuple(trials)))
+    rows = {(row.table, row.group, row.what): row for row in study.rows}
     for row in rows.values():
         for number in (row.value, row.ci_low, row.ci_high, row.p_value, row.p_adjusted):
             assert number is None or math.isfinite(number), row
-    # The words and tables go through too, whatever is missing.
-    assert lead_of(found)
-    assert all(
-        (
-            times_section(found, None),
-            brightness_section(found, ()),
-            pairs_section(found),
-            averages_section(found),
-        )
-    )
-    return found, rows
+    # The words and tables go through too, whatever is missing; a lead is short.
+    assert 0 < len(lead_of(study).split()) <= 60
+    assert key_figures_of(study)
+    for section in (times_section, brightness_section, pairs_section, averages_section):
+        assert section(study).paragraphs
+    return study, rows
 
 
 @functools.cache
-def as_simulated() -> tuple[SearchResults, dict[tuple[str, str, str], Statistic]]:
+def as_simulated() -> tuple[Study, dict[tuple[str, str, str], Statistic]]:
     return results(searches())
 
 
 @pytest.fixture(scope="module")
-def findings() -> Findings:
+def findings() -> Analysis:
     return search_findings(task_data(searches()))
 
 
 @pytest.mark.slow
-def test_every_drawn_number_is_written_beside_its_figure(findings: Findings, tmp_path: Path) -> None:
-    write_findings(tmp_path, findings)
+def test_every_drawn_number_is_written_beside_its_figure(findings: Analysis, tmp_path: Path) -> None:
+    findings.write(tmp_path)
     rows = read_rows(Statistic, tmp_path / "search_statistics.csv")
-    assert len(rows) == len(findings.statistics)
+    assert len(rows) == len(findings.rows)
     assert [d.name for d in findings.drawings] == ["search_times", "search_brightness", "search_curves"]
     for drawing in findings.drawings:
         assert drawing.png.startswith(b"\x89PNG")
@@ -101,9 +98,11 @@ def test_every_drawn_number_is_written_beside_its_figure(findings: Findings, tmp
         assert {point.origin for point in drawing.points} == {Origin.SIMULATED}
 
 
-def test_simulated_searches_are_called_so_in_every_section(findings: Findings) -> None:
+def test_simulated_searches_are_called_so_in_every_section(findings: Analysis) -> None:
     assert all(section.simulated for section in findings.sections)
-    assert "5 simulated participants looked for a ring 40 times, at 4 locations" in findings.lead
+    assert "5 simulated participants" in findings.lead
+    words = "5 simulated participants looked for a ring 40 times, at 4 locations"
+    assert findings.sections[0].paragraphs[0].startswith(words)
 
 
 @pytest.mark.slow
@@ -151,7 +150,7 @@ def test_a_location_that_nobody_found_is_flagged_and_leaves_the_others_alone() -
     row = rows["locations", "gym/spot01", RATIO]
     assert (row.value, row.flag) == (None, "nobody found a ring there, or only one version was searched in")
     assert rows["versions", "all", RATIO].value == pytest.approx(without["versions", "all", RATIO].value)
-    assert found.models.n_left_out == 10
+    assert found.table.times.size - found.used.times.size == 10
 
 
 def test_a_version_that_nobody_found_at_a_location_has_a_ratio_without_upper_end() -> None:
@@ -232,7 +231,7 @@ def test_a_participant_with_one_search_counts_where_it_can() -> None:
     first = next(t for t in searches() if t.participant_id == "01")
     few = (first, *(t for t in searches() if t.participant_id != "01"))
     found, rows = results(few)
-    assert found.unpaired == 1
+    assert found.pairs.unpaired == 1
     assert rows["first found", "all", "hazard ratio, ours / baseline"].value is not None
     assert rows["versions", "all", RATIO].value is not None
 
@@ -242,22 +241,36 @@ def test_a_model_of_fewer_searches_says_so() -> None:
     without = rows["undetected", "all", f"{RATIO}; undetected rings left out, as in the paper's average"]
     assert without.n is not None
     assert without.n <= found.table.found.sum() < 40
-    for side in found.models.sides:
-        group = f"{side.side.value} ({side.locations} locations)"
-        assert rows["versions", group, RATIO].n == 10 * side.locations  # five people, two versions
+    for side, locations in found.sides.items():
+        if locations:  # five people, two versions
+            assert rows["versions", f"{side.value} ({locations} locations)", RATIO].n == 10 * locations
 
 
-def test_the_words_lead_with_brightness_and_its_direction(findings: Findings) -> None:
-    assert findings.sections[0].paragraphs[0] == findings.lead
-    saves = FixedEffect("", -0.5, 0.1, -0.7, -0.3, 0.0004, 16.0)
-    # 1.1 ** -0.5 = 0.953
-    assert slope_words(saves).startswith(
-        "More light saves time at these locations: with 10 % more light a search takes 0.95 of the time "
-        "(95 % confidence interval 0.94 to 0.97; p < 0.001"
-    )
-    costs = dataclasses.replace(saves, estimate=0.5, ci_low=0.3, ci_high=0.7)
-    assert slope_words(costs).startswith("More light costs time")
-    assert "is not shown" in slope_words(dataclasses.replace(saves, p_value=0.3))
+def with_rows(study: Study, **changes: dict[str, object]) -> Study:
+    """A study in which rows say something else: by the beginning of their group, in the table it names."""
+    rows = Rows(study.rows.origin)
+    for row in study.rows:
+        new = next((own for group, own in changes.items() if row.group.startswith(group)), {})
+        rows.append(dataclasses.replace(row, **new) if row.what in (RATIO, SLOPE) else row)
+    return dataclasses.replace(study, rows=rows)
+
+
+@pytest.mark.parametrize(
+    ("slope", "p_value", "words"),
+    [
+        (-0.5, 0.0004, "More light saves time: with 10 % more light a search takes 0.95 of the time"),
+        (0.5, 0.0004, "More light costs time: with 10 % more light a search takes 1.05 of the time"),
+        (-0.5, 0.3, "That search times depend on brightness is not shown: with 10 % more light"),
+    ],
+)
+def test_the_words_lead_with_brightness_and_its_direction(slope: float, p_value: float, words: str) -> None:
+    # 1.1 ** -0.5 = 0.953, 1.1 ** 0.5 = 1.049; its interval 1.1 ** -0.7 = 0.935 to 1.1 ** -0.3 = 0.972
+    number = {"value": slope, "ci_low": slope - 0.2, "ci_high": slope + 0.2, "p_value": p_value, "flag": ""}
+    study = with_rows(as_simulated()[0], people=number)
+    assert lead_of(study).startswith(words)
+    if slope < 0:
+        assert "0.95 (95 % CI 0.94 to 0.97)" in brightness_section(study).paragraphs[0]
+        assert "0.94 to 0.97" in key_figures_of(study)[1].in_words
 
 
 def test_hairline_differences_of_brightness_are_on_neither_side() -> None:
@@ -266,10 +279,15 @@ def test_hairline_differences_of_brightness_are_on_neither_side() -> None:
         if t.keypoint == "spot01" else t
     )  # fmt: skip
     found, _ = results(near)
-    assert {side.side.value: side.locations for side in found.models.sides} == {
+    assert {side.value: n for side, n in found.sides.items()} == {
         "brightened": 1, "about equal": 1, "dimmed": 2}  # fmt: skip
-    assert found.curves[0].n == 10
-    assert "1 location of about equal brightness (within 5 %) is in neither side" in lead_of(found)
+    drawn = curves_figure(found)
+    assert drawn
+    assert {point.n for point in drawn.points if point.panel == "ours brightens"} == {
+        5
+    }  # five people, one place
+    words = "1 location of about equal brightness (within 5 %) is in neither side"
+    assert words in brightness_section(found).paragraphs[0]
 
 
 def test_of_several_sessions_a_location_takes_the_first_alone() -> None:
@@ -304,7 +322,7 @@ def test_a_version_that_is_missing_at_a_location_leaves_that_location_without_a_
     assert rows["locations", name, "rings found, ours - baseline"].flag != ""
     assert rows["locations", name, RATIO].value is None
     assert rows["locations", name, "median search time, baseline"].value is not None
-    assert found.unpaired == 5
+    assert found.pairs.unpaired == 5
 
 
 def test_different_time_limits_are_said_and_each_taken_as_it_was() -> None:
@@ -314,11 +332,13 @@ def test_different_time_limits_are_said_and_each_taken_as_it_was() -> None:
         cut = dataclasses.replace(t, time_limit=10.0, search_time=min(t.search_time, 10.0))
         return cut if t.search_time <= 10 and t.found else lost_at(t, 10.0)
 
-    found, warnings = search_results(task_data(changed(shorter)))
+    found, warnings = study_of(task_data(changed(shorter)))
     assert any("time limits differ, 10 to 30 s" in words for words in warnings)
     short = found.table.limits == 10
     assert found.table.times[short].max() == 10.0
-    assert found.curves[0].times[-1] == 10.0  # until then every search is watched
+    drawn = curves_figure(found)
+    assert drawn
+    assert max(point.x for point in drawn.points) == 10.0  # until then every search is watched
 
 
 def lost_at(trial: SearchTrial, limit: float) -> SearchTrial:
@@ -350,25 +370,32 @@ def test_one_version_alone_is_refused_in_one_line() -> None:
 
 
 @pytest.mark.parametrize(
-    ("estimate", "p_value", "words"),
-    [(0.85, 0.01, "searches take longer: the time ratio is 2.34"),
-     (-0.85, 0.01, "searches take less time: the time ratio is 0.43"),
-     (0.85, 0.06, "(4 locations) the time ratio is 2.34")],
+    ("ratio", "p_value", "words"),
+    [(2.34, 0.01, "searches take longer: the time ratio is 2.34"),
+     (0.43, 0.01, "searches take less time: the time ratio is 0.43"),
+     (2.34, 0.06, "(2 locations) the time ratio is 2.34")],
 )  # fmt: skip
-def test_the_lead_says_that_searches_take_longer_where_the_test_does(
-    estimate: float, p_value: float, words: str
+def test_it_says_that_searches_take_longer_where_the_test_does(
+    ratio: float, p_value: float, words: str
 ) -> None:
-    found = as_simulated()[0]
-    effect = FixedEffect("dimmed", estimate, 0.3, estimate - 0.6, estimate + 0.6, p_value, df=4.0)
-    side = dataclasses.replace(found.models.sides[-1], locations=4, effect=effect)
-    models = dataclasses.replace(found.models, sides=(side,))
-    assert words in lead_of(dataclasses.replace(found, models=models))
+    number = {"value": ratio, "ci_low": ratio / 2, "ci_high": 2 * ratio, "p_value": p_value, "flag": ""}
+    study = with_rows(as_simulated()[0], dimmed=number)
+    assert words in brightness_section(study).paragraphs[0]
+
+
+def test_an_end_beyond_what_searches_can_show_is_not_bounded() -> None:
+    number = {"value": 1.2, "ci_low": 0.18, "ci_high": 261030938266.88, "p_value": 0.9, "flag": ""}
+    study = with_rows(as_simulated()[0], all=number)
+    section = brightness_section(study)
+    assert "1.20 (95 % CI above 0.18, no upper bound)" in section.paragraphs[0]
+    assert section.tables[0].rows[0][:3] == ("all (4 locations)", "1.20", "above 0.18, no upper bound")
 
 
 def test_the_design_is_that_of_the_data() -> None:
-    table = as_simulated()[0].table
-    assert design_of(table) == "Each person looked once for a ring at each location in each version."
-    one = table.locations[0]
+    study = as_simulated()[0]
+    once = "Each person looked once for a ring at each location in each version."
+    assert once in times_section(study).paragraphs[0]
+    one = study.table.locations[0]
     alone = changed(
         lambda t: None if (t.keypoint, t.version) == (one.keypoint, Version.OURS)
         and t.sequence == one.sequence else t
@@ -376,8 +403,7 @@ def test_the_design_is_that_of_the_data() -> None:
     words = (
         "There are 15 searches in ours and 20 in the baseline; 3 of 4 locations were seen in both versions."
     )
-    assert design_of(search_table(task_data(alone))[0]) == words
-    assert words in times_section(results(alone)[0], None).paragraphs[1]
+    assert words in times_section(results(alone)[0]).paragraphs[0]
 
 
 def test_without_pairs_there_is_a_sentence_and_no_empty_table() -> None:

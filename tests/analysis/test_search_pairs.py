@@ -11,15 +11,16 @@ from statsmodels.duration.hazard_regression import PHReg
 from statsmodels.stats.contingency_tables import mcnemar
 
 from evenlight.analysis.search.search_pairs import (
-    ONE_PERSON,
+    SearchFlag,
     SearchPairs,
+    detection_change,
     detections,
     difference_interval,
+    exchanged,
     hazard_ratio,
     matched_pairs,
     mcnemar_p,
 )
-from evenlight.analysis.search.search_results import detection_change, first_found
 from evenlight.analysis.search.search_trials import SearchTable
 
 CELLS = [(one, other) for one in range(18) for other in range(18 - one)]  # of 17 pairs
@@ -86,14 +87,14 @@ def test_the_hazard_ratio_is_that_of_the_cox_model_stratified_by_person_and_loca
     strata = data.participant * len(data.locations) + data.location
     design = np.column_stack([data.ours, data.visit])
     cox = PHReg(data.times, design, status=data.found.astype(int), strata=strata).fit()
-    assert hazard_ratio(matched_pairs(data)).ln_ratio == pytest.approx(cox.params[0], abs=1e-5)
+    assert hazard_ratio(matched_pairs(data)).estimate == pytest.approx(cox.params[0], abs=1e-5)
 
 
 def test_with_two_orders_it_is_the_mean_of_two_log_odds() -> None:
     # Ours at the later visit: first in 6 of 8 pairs; at the earlier one: in 3 of 4.
     first, later = [1] * 6 + [-1] * 2 + [1] * 3 + [-1], [1] * 8 + [-1] * 4
     found = hazard_ratio(pairs_of(first, list(range(12)), later))
-    assert found.ln_ratio == pytest.approx((math.log(6 / 2) + math.log(3 / 1)) / 2)
+    assert found.estimate == pytest.approx((math.log(6 / 2) + math.log(3 / 1)) / 2)
 
 
 def test_of_independent_pairs_the_standard_error_is_the_binomial_one() -> None:
@@ -101,9 +102,9 @@ def test_of_independent_pairs_the_standard_error_is_the_binomial_one() -> None:
     found = hazard_ratio(pairs_of([1] * 9 + [-1] * 5, list(range(14)), [0] * 14))
     assert found.standard_error == pytest.approx(math.sqrt((1 / 9 + 1 / 5) * 14 / 13))
     assert found.ci_high is not None
-    assert found.ln_ratio is not None
+    assert found.estimate is not None
     half = stats.t.ppf(0.975, 13) * found.standard_error
-    assert found.ci_high - found.ln_ratio == pytest.approx(half)
+    assert found.ci_high - found.estimate == pytest.approx(half)
 
 
 def test_pairs_of_one_person_count_together() -> None:
@@ -120,7 +121,7 @@ def test_people_who_are_alike_by_chance_leave_an_interval() -> None:
     assert found.standard_error == pytest.approx(math.sqrt(1 / 24 + 1 / 8))
     assert found.ci_low is not None
     assert found.ci_high is not None
-    assert found.ci_low < (found.ln_ratio or 0.0) < found.ci_high
+    assert found.ci_low < (found.estimate or 0.0) < found.ci_high
 
 
 def test_interval_and_p_of_a_hazard_ratio_agree() -> None:
@@ -134,7 +135,7 @@ def test_interval_and_p_of_a_hazard_ratio_agree() -> None:
 
 def test_a_difference_of_shares_without_a_pair_that_differs_has_no_interval() -> None:
     change = detection_change(pairs_of([1, -1] * 4, [0, 0, 1, 1, 2, 2, 3, 3], [0] * 8))
-    assert (change.difference, change.ci_low, change.ci_high, change.p_value) == (0.0, None, None, None)
+    assert (change.value, change.ci_low, change.ci_high, change.p_value) == (0.0, None, None, None)
     assert "in no pair" in change.flag
 
 
@@ -153,37 +154,37 @@ def test_ties_say_nothing_and_are_counted() -> None:
     without = pairs_of(first, people, [0] * 6)
     tied = pairs_of([*first, 0, 0], [*people, 6, 7], [0] * 8)
     tied = dataclasses.replace(tied, tied=np.array([False] * 6 + [True] * 2))
-    assert hazard_ratio(tied).tied == 2
-    assert hazard_ratio(tied).ln_ratio == hazard_ratio(without).ln_ratio
+    assert tied.counts["both after the same time (left out)"] == 2
+    assert hazard_ratio(tied).estimate == hazard_ratio(without).estimate
     assert hazard_ratio(tied).standard_error == hazard_ratio(without).standard_error
 
 
-@pytest.mark.parametrize(("first", "who"), [(1, "ours"), (-1, "the baseline")])
-def test_separation_is_a_flag_and_no_number(first: int, who: str) -> None:
+@pytest.mark.parametrize(("first", "flag"), [(1, SearchFlag.OURS_FIRST), (-1, SearchFlag.BASELINE_FIRST)])
+def test_separation_is_a_flag_and_no_number(first: int, flag: SearchFlag) -> None:
     pairs = pairs_of([first] * 17, list(range(17)), [1, -1] * 8 + [1])
-    found = first_found(pairs)
-    assert found.hazard.ln_ratio is None
-    assert found.hazard.ci_low is None
-    assert found.hazard.flag == f"separated: {who} was found first in all 17 pairs; the ratio has no bound"
-    assert found.p_value == pytest.approx(2.0**-16)  # 2 of 2^17 choices of signs
+    found = hazard_ratio(pairs)
+    assert (found.estimate, found.ci_low) == (None, None)
+    assert found.flags == (flag,)
+    assert exchanged(pairs, pairs.first).p_value == pytest.approx(2.0**-16)  # 2 of 2^17 choices of signs
 
 
 def test_nothing_known_is_a_flag_and_no_number() -> None:
-    found = first_found(pairs_of([0] * 4, [0, 0, 1, 1], [1, -1, 1, -1]))
-    assert found.hazard.ln_ratio is None
-    assert found.hazard.flag == "in no pair is it known which version was found first"
-    assert found.p_value == 1.0
+    pairs = pairs_of([0] * 4, [0, 0, 1, 1], [1, -1, 1, -1])
+    found = hazard_ratio(pairs)
+    assert found.estimate is None
+    assert found.flags == (SearchFlag.NO_FIRST,)
+    assert exchanged(pairs, pairs.first).p_value == 1.0
 
 
 def test_an_order_that_separates_is_left_out_of_the_model_instead_of_running_to_infinity() -> None:
     # Whatever came later was found first: no finite effect of the visit, and none of the version beside it.
     first, later = [1] * 5 + [-1] * 5, [1] * 5 + [-1] * 5
-    assert hazard_ratio(pairs_of(first, list(range(10)), later)).ln_ratio == pytest.approx(0.0, abs=1e-8)
+    assert hazard_ratio(pairs_of(first, list(range(10)), later)).estimate == pytest.approx(0.0, abs=1e-8)
 
 
 def test_one_person_has_an_interval_of_that_person_and_a_flag() -> None:
     found = hazard_ratio(pairs_of([1, 1, 1, -1], [0] * 4, [0] * 4))
-    assert found.flag == ONE_PERSON
+    assert found.flags == (SearchFlag.ONE_PERSON,)
     assert found.standard_error == pytest.approx(math.sqrt(1 / 3 + 1))
     change = detection_change(pairs_of([1, 1, 1, -1], [0] * 4, [0] * 4))
     assert (change.ci_low, change.ci_high) == (None, None)
@@ -191,7 +192,8 @@ def test_one_person_has_an_interval_of_that_person_and_a_flag() -> None:
 
 def test_the_exact_test_exchanges_whole_people() -> None:
     # Three people with sums 2, 2 and 2: 2 of 8 choices of signs are as extreme, however many pairs there are.
-    assert first_found(pairs_of([1] * 6, [0, 0, 1, 1, 2, 2], [1, -1] * 3)).p_value == 0.25
+    pairs = pairs_of([1] * 6, [0, 0, 1, 1, 2, 2], [1, -1] * 3)
+    assert exchanged(pairs, pairs.first).p_value == 0.25
 
 
 @pytest.mark.parametrize(("one", "other"), [(0, 0), (3, 9), (0, 5), (8, 8)])
@@ -235,6 +237,6 @@ def test_the_difference_of_the_shares_found_is_that_of_the_pairs() -> None:
         found_baseline=np.array([False, False, True, True, False]),
     )
     found = detections(pairs)
-    assert (found.n, found.only_ours, found.only_baseline, found.difference) == (5, 2, 1, 0.2)
-    assert found.p_value == 1.0  # 2 of 3
-    assert detection_change(pairs).difference == pytest.approx(0.2)
+    assert pairs.more.tolist() == [1, 1, -1, 0, 0]
+    assert (found.value, found.p_value) == (0.2, 1.0)  # 2 of 3
+    assert detection_change(pairs).value == pytest.approx(0.2)

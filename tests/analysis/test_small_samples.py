@@ -6,7 +6,6 @@ from scipy import stats
 
 from evenlight.analysis.inference.mixed_designs import (
     NullDistribution,
-    Sample,
     between_directions,
     reference_of,
     weight_of_people,
@@ -53,20 +52,18 @@ def test_the_papers_design_compares_people_in_two_directions_only() -> None:
 
 def test_each_effect_of_the_papers_design_has_its_degrees_of_freedom() -> None:
     design, groups = paper()
-    tested = Sample(groups, 136, own_variance=False)
-    own = Sample(groups, 100, own_variance=True)  # times, 36 of them censored
-    assert reference_of(design, 1, tested) == NullDistribution(136 - 17 - 4)
-    assert reference_of(design, 1, own) == NullDistribution(100 - 17 - 4, 100 - 17)
-    assert reference_of(design, 1, tested, varies=True) == NullDistribution(16, 17)
-    assert reference_of(design, 0, tested) == reference_of(design, 5, tested) == NullDistribution(15, 17)
+    assert reference_of(design, 1, groups) == NullDistribution(136 - 17 - 4)
+    assert reference_of(design, 1, groups, timed=100) == NullDistribution(100 - 17 - 4, 100 - 17)
+    assert reference_of(design, 1, groups, varies=True) == NullDistribution(16, 17)
+    assert reference_of(design, 0, groups) == reference_of(design, 5, groups) == NullDistribution(15, 17)
 
 
 def test_one_missing_answer_does_not_make_an_effect_a_comparison_of_people() -> None:
     design, groups = paper()
     assert weight_of_people(design[1:], 1, groups[1:]) < 0.05
-    assert reference_of(design[1:], 1, Sample(groups[1:], 135, False)) == NullDistribution(135 - 17 - 4)
+    assert reference_of(design[1:], 1, groups[1:]) == NullDistribution(135 - 17 - 4)
 
 
 def test_one_participant_is_described_by_the_observations_alone() -> None:
     design, groups = paper()
-    assert reference_of(design[:8, :5], 1, Sample(groups[:8], 8, own_variance=False)) == NullDistribution(3)
+    assert reference_of(design[:8, :5], 1, groups[:8]) == NullDistribution(3)

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from made_sweeps import WARM, Meter, luminance_readings, manifest_of, power_readings, write_sweep
 
-from evenlight.analysis.measurement.sweeps.luminance_sweep import LuminanceSweepFit, fit_luminance_sweep
-from evenlight.analysis.measurement.sweeps.power_sweep import PowerSweepFit, fit_power_sweep
-from evenlight.analysis.measurement.sweeps.sweep_loading import Sweep
-from evenlight.analysis.measurement.sweeps.sweep_notes import warnings_of
-from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
+from evenlight.analysis.sweeps.luminance_sweep import fit_luminance_sweep
+from evenlight.analysis.sweeps.power_sweep import fit_power_sweep
+from evenlight.analysis.sweeps.sweep_loading import Sweep
+from evenlight.analysis.sweeps.sweep_report import fit_sweep
+from evenlight.analysis.sweeps.sweep_result import SweepResult, warnings_of
 from evenlight.data_schema.recordings.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
@@ -55,12 +55,12 @@ def place_of(
 
 def fitted(
     readings: Sequence[LuminanceReading], design: LuminanceSweepDesign = PLAIN, **changes: object
-) -> LuminanceSweepFit:
+) -> SweepResult:
     manifest = replace(manifest_of(design, len(readings)), **changes)
     return fit_luminance_sweep(Sweep(manifest, tuple(readings), {}))
 
 
-def powered(readings: Sequence[PowerReading]) -> PowerSweepFit:
+def powered(readings: Sequence[PowerReading]) -> SweepResult:
     return fit_power_sweep(Sweep(manifest_of(POWER, len(readings)), tuple(readings), {}))
 
 
@@ -88,7 +88,7 @@ def test_one_bad_reading_of_51_moves_nothing_and_is_named_by_its_row(
     assert any("fits the readings that are not suspect" in line for line in lines)
     page = (folder / "report.html").read_text()
     assert "describes the display" not in page
-    assert "Suspect readings" in page
+    assert "1 suspect reading, 1 left out" in page
     assert f"line {index + 1} of readings.jsonl" in page
     assert "suspect readings left out: 1" in (folder / "display.toml").read_text()
 
@@ -132,9 +132,9 @@ def test_one_bad_reading_of_any_size_in_200_sweeps_moves_no_result_and_is_named(
         assert bad.luminance is not None
         wrong = round(bad.luminance * float(np.exp(rng.uniform(np.log(0.01), np.log(100)))), 4)
         found = fitted(with_bad(readings, bad.index, wrong), design)
-        assert found.curve_fit.curve.peak == pytest.approx(physics.peak_luminance, rel=0.005)
-        assert found.curve_fit.curve.gamma == pytest.approx(physics.gamma, abs=0.01)
-        assert found.curve_fit.curve.black == pytest.approx(physics.black_level, abs=0.02)
+        assert found.record.peak_luminance == pytest.approx(physics.peak_luminance, rel=0.005)
+        assert found.record.gamma == pytest.approx(physics.gamma, abs=0.01)
+        assert found.record.black_level == pytest.approx(physics.black_level, abs=0.02)
         suspects = {each.index for each in found.record.suspects}
         assert suspects <= {bad.index}
         if abs(wrong - bad.luminance) > 0.04 * max(wrong, bad.luminance) + 0.04:  # twice what is tolerated
@@ -205,7 +205,7 @@ def test_two_bad_readings_of_one_level_leave_the_one_that_fits_its_neighbours() 
     bad = with_bad(clean, place_of(clean, 0.8125, 1), 7.25)
     found = fitted(with_bad(bad, place_of(clean, 0.8125, 3), 12.0))
     assert {each.value for each in found.record.suspects} == {7.25, 12.0}
-    row = next(row for row in found.levels if row.pixel_value == 0.8125)
+    row = next(row for row in found.levels["luminance_levels.csv"] if row.pixel_value == 0.8125)
     assert (row.n_readings, row.luminance) == (1, clean[place_of(clean, 0.8125, 2)].luminance)
 
 

@@ -13,7 +13,7 @@ from made_sweeps import STARTED, WARM, Meter, luminance_readings, power_readings
 from matplotlib.figure import Figure
 
 from evenlight.analysis.fit_commands import fit
-from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
+from evenlight.analysis.sweeps.sweep_report import analyse_sweep, fit_sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PowerModel
@@ -171,6 +171,19 @@ def test_reports_hold_their_figure_and_say_simulated(luminance: Path, power: Pat
         assert "http" not in page
 
 
+def test_from_python_a_sweep_answers_as_every_analysis(power: Path, tmp_path: Path) -> None:
+    result = analyse_sweep(power)
+    table = result.to_frame()
+    assert table["power_w"].tolist() == [
+        row.power for row in read_rows(PowerLevel, power / "power_levels.csv")
+    ]
+    assert isinstance(result.plot("power"), Figure)
+    assert repr(result).startswith("<Power of bench (SIMULATED)>\nPower is linear in luminance: ")
+    assert len(result.first_lines[0].split()) <= 60
+    result.save(tmp_path / "again")
+    assert (tmp_path / "again/power.toml").read_text() == (power / "power.toml").read_text()
+
+
 def test_the_power_model_serves_the_optimizer_and_holds_the_truth(power: Path) -> None:
     model = read_toml_record(PowerModel, power / "power.toml")
     found = read_json_record(PowerFit, power / "power_fit.json")
@@ -287,7 +300,7 @@ def test_ramps_and_sweeps_are_fitted_together_and_a_bad_sweep_spoils_no_ramp(
     luminance_folder(dataset / "sweeps" / "luminance-sweep_01")
     few = readings_of_power()[:5]
     write_sweep(dataset / "sweeps" / "power-sweep_01", POWER, few, status=SessionStatus.ABORTED)
-    fit(dataset, out=out, no_clip=True, quiet=True)
+    fit(dataset, out=out, quiet=True)
     assert (out / "rate_limit.json").exists()
     assert (out / "luminance-sweep" / "display.toml").exists()
     assert not (out / "power-sweep").exists()

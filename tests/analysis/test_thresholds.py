@@ -155,5 +155,5 @@ def test_false_alarms_are_compared_with_the_correct_rejections() -> None:
 
 
 def test_who_says_yes_to_a_third_of_the_catch_trials_is_named() -> None:
-    assert "participants 07 (35%) say yes to many catch trials" in warned(caught("07", (7, 20), (7, 20)))
+    assert "participants 07 (35 %) say yes to many catch trials" in warned(caught("07", (7, 20), (7, 20)))
     assert warned(caught("07", (2, 20), (2, 20))) == ""

@@ -2,20 +2,9 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
-import pytest
 
-from evenlight.analysis.figure_style import (
-    COLUMN,
-    PAGE,
-    SLIDE,
-)
 from evenlight.analysis.tracks.frame_samples import small_picture, thumbnails_of
-
-MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)
 
 
 def test_a_small_picture_averages_squares_of_pixels() -> None:
@@ -33,4 +22,4 @@ def test_a_frame_no_wider_than_asked_keeps_its_pixels() -> None:
 def test_fewer_samples_than_thumbnails_are_all_taken() -> None:
     frame = np.zeros((2, 2, 3), np.uint8)
     assert [index for index, _ in thumbnails_of([(7, frame), (9, frame)], count=6)] == [7, 9]
-    assert thumbnails_of([]) == ()
+    assert thumbnails_of([], count=6) == ()

@@ -11,40 +11,27 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
+from made_summary import made_summary
 from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.lines import Line2D
 
 from evenlight.analysis.figure_style import (
     BASELINE,
-    COLUMN,
     LIMIT,
     OURS,
     PAGE,
-    SLIDE,
     FigureFormat,
     png_bytes,
     write_png,
 )
 from evenlight.analysis.tracks.frame_samples import dimmed_picture
-from evenlight.analysis.tracks.optimization import FrameWeighting
-from evenlight.analysis.tracks.track_figure import drawn_rates, track_figure
-from evenlight.analysis.tracks.track_figure_data import (
-    TrackFigureData,
-    budget_in_words,
-    compared_in_words,
-    outcome_in_words,
-)
+from evenlight.analysis.tracks.track_figure import DrawnTrack, rate_shares, track_figure
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 
-MEDIA = pytest.mark.parametrize("medium", [PAGE, SLIDE, COLUMN], ids=["page", "slide", "column"])
-SMALL = dataclasses.replace(PAGE, dots_per_inch=50.0)
 
-
-def data(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -> TrackFigureData:
+def data(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -> DrawnTrack:
     """A track with every column of its own shape, so that none can be taken for another."""
     steps = np.arange(n)
     given = {
@@ -64,7 +51,13 @@ def data(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) ->
     chosen = sorted({int(k) for k in np.linspace(0, n - 1, pictures)}) if pictures else []
     thumbnails = tuple((k, picture) for k in chosen)
     constant = 0.3 + 0.05 * np.sin(steps / 2)
-    return TrackFigureData(BrightnessTrack(**given, header=header), 0.5, constant, 0.01, 0.02, thumbnails)
+    summary = made_summary(objective=0.01, objective_baseline=0.02)
+    return DrawnTrack(BrightnessTrack(**given, header=header), summary, constant, thumbnails)
+
+
+def told(given: DrawnTrack, **changed: Any) -> DrawnTrack:
+    """The same with another summary."""
+    return dataclasses.replace(given, summary=dataclasses.replace(given.summary, **changed))
 
 
 def lines_of(figure: Figure, place: int, colour: str) -> list[Line2D]:
@@ -77,8 +70,8 @@ def test_the_lines_of_a_track_are_its_data() -> None:
     figure = track_figure(given)
     expected = [
         (0, OURS, given.track.factors),
-        (1, OURS, given.track.contrast_loss),
-        (1, BASELINE, given.baseline_loss),
+        (1, OURS, 100 * given.track.contrast_loss),
+        (1, BASELINE, 100 * given.baseline_loss),
     ]
     for place, colour, values in expected:
         (line,) = lines_of(figure, place, colour)
@@ -86,7 +79,7 @@ def test_the_lines_of_a_track_are_its_data() -> None:
         np.testing.assert_array_equal(line.get_xdata()[:-1], given.track.times)
         np.testing.assert_array_equal(line.get_ydata()[:-1], values)
     (baseline,) = lines_of(figure, 0, BASELINE)
-    assert set(baseline.get_ydata()) == {given.baseline_factor}
+    assert set(baseline.get_ydata()) == {given.summary.baseline_factor}
 
 
 @pytest.mark.parametrize(
@@ -96,7 +89,7 @@ def test_the_lines_of_a_track_are_its_data() -> None:
 def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
     low: float, high: float, bounded: bool, full: bool
 ) -> None:
-    given = dataclasses.replace(data(factors=np.linspace(low, high, 30)), baseline_factor=(low + high) / 2)
+    given = told(data(factors=np.linspace(low, high, 30)), baseline_factor=(low + high) / 2)
     panel = track_figure(given).axes[0]
     bottom, top = panel.get_ylim()
     assert 0 <= bottom < low < high < top
@@ -110,61 +103,18 @@ def test_the_factors_fill_their_panel_and_only_what_is_in_view_is_drawn(
     assert any(set(line.get_ydata()) == {1.0} for line in panel.lines) == full
 
 
-def test_a_clip_that_loses_nothing_is_not_said_to_lose_a_share() -> None:
-    even = dataclasses.replace(data(contrast_loss=np.zeros(30)), objective=0.0, objective_baseline=0.0)
-    assert "the same share" in outcome_in_words(even)
-    black = dataclasses.replace(even, baseline_loss=np.zeros(30))
-    assert outcome_in_words(black).startswith("No visible contrast is lost in any frame")
-
-
-def test_a_track_less_even_than_constant_dimming_is_said_to_be() -> None:
-    worse = dataclasses.replace(data(), objective=0.0232, objective_baseline=0.00225)
-    assert "10.3 times as much as constant dimming (0.00225)" in outcome_in_words(worse)
-    only_ours = dataclasses.replace(worse, objective_baseline=0.0)
-    assert "by 0.0232 on average, in contrast to constant dimming (0)" in outcome_in_words(only_ours)
-
-
-@given(st.floats(1e-9, 1.0), st.floats(1e-9, 1.0))
-def test_words_of_a_comparison_are_true(ours: float, constant: float) -> None:
-    words, ratio = compared_in_words(ours, constant), ours / constant
-    number = float(words.split()[0]) if words[0].isdigit() else None
-    if words.startswith("about as much"):
-        assert ratio == pytest.approx(1, abs=0.005)
-    elif "%" in words:
-        assert number is not None
-        said = 1 - number / 100 if "less" in words else 1 + number / 100
-        assert said == pytest.approx(ratio, abs=0.00501)
-    else:
-        assert ratio >= (2 if number else 1000)
-        assert number is None or number == pytest.approx(ratio, rel=0.006)
-
-
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({}, "mean brightness factor 0.5"),
-        ({"achieved": 0.500001}, "mean brightness factor 0.5"),
-        ({"achieved": 0.898}, "mean brightness factor 0.898 (budget 0.5)"),
-        ({"achieved": 0.37, "clips": 2}, "mean brightness factor 0.37 (0.5 shared by 2 clips)"),
-    ],
-)
-def test_a_title_has_what_was_reached_not_what_was_asked(changes: dict[str, Any], words: str) -> None:
-    assert budget_in_words(dataclasses.replace(data(), **changes)) == words
-
-
 def test_constant_dimming_has_the_same_power_only_where_it_has() -> None:
-    for same, words in ((True, "constant, same power: 0.5"), (False, "constant, same mean: 0.5")):
-        legend = track_figure(dataclasses.replace(data(), same_power=same)).axes[0].get_legend()
+    for power, words in ((1.0, "constant, same power: 0.5"), (1.1, "constant, same mean: 0.5")):
+        legend = track_figure(told(data(), baseline_power=power)).axes[0].get_legend()
         assert legend is not None
         assert words in [text.get_text() for text in legend.get_texts()]
 
 
-def test_weights_are_told_where_frames_count_differently() -> None:
-    assert "weight" not in outcome_in_words(data())
-    weighted = dataclasses.replace(data(), weighing=FrameWeighting.WEIGHTED)
-    assert "by 0.01 on weighted average" in outcome_in_words(weighted)
-    left_out = dataclasses.replace(data(), weighing=FrameWeighting.LEFT_OUT)
-    assert outcome_in_words(left_out).startswith("Does not count (weight 0). Contrast loss")
+def test_a_clip_that_does_not_count_is_told() -> None:
+    assert data().outcome.startswith("Two frames differ by 1.00 points")
+    assert dataclasses.replace(data(), counts=False).outcome.startswith(
+        "Does not count (weight 0). Two frames"
+    )
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e3], ids=["rates", "shares"])
@@ -179,8 +129,7 @@ def test_sections_with_allowances_are_marked_and_measured_by_the_fitted_limit(sp
     spans = [(patch.get_x(), patch.get_x() + patch.get_width()) for patch in panel.patches]
     np.testing.assert_allclose(spans, np.array([(10, 13), (20, 21)]) / 25)
     (line,) = lines_of(figure, 2, OURS)
-    scale = 1.0 if spread == 1 else 100 / fitted[11]
-    assert line.get_ydata()[11] == pytest.approx(8.7 * fitted[11] * scale)
+    assert line.get_ydata()[11] == pytest.approx(870)
     assert panel.get_ylim()[1] > line.get_ydata().max()
     words = " ".join(" ".join(text.get_text() for text in figure.texts).split())
     assert "in marked sections up to 8.7 times it" in words
@@ -193,17 +142,19 @@ def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
     given = data()
     (line,) = lines_of(track_figure(given), 2, OURS)
     np.testing.assert_array_equal(line.get_xdata(), given.track.times)
-    np.testing.assert_array_equal(line.get_ydata()[:-1], given.track.rate[:-1])
+    np.testing.assert_allclose(line.get_ydata()[:-1], 100 * (given.track.rate / given.track.rate_limit)[:-1])
 
 
-def test_rates_are_drawn_between_the_limits_of_both_directions() -> None:
-    given = data()
-    figure = track_figure(given)
-    assert figure.axes[2].get_ylabel() == "rate [cd/m²/s]"
+def test_the_limit_is_100_percent_in_both_directions_and_the_legend_has_it_in_its_own_unit() -> None:
+    figure = track_figure(data())
+    assert figure.axes[2].get_ylabel() == "rate [% of ΔL]"
     for sign, line in zip((1, -1), lines_of(figure, 2, LIMIT), strict=True):
-        assert line.get_drawstyle() == "steps-post"
-        np.testing.assert_array_equal(line.get_xdata()[:-1], given.track.times)
-        np.testing.assert_array_equal(line.get_ydata()[:-1], sign * given.track.rate_limit)
+        assert set(line.get_ydata()) == {100.0 * sign}
+    legend = figure.axes[2].get_legend()
+    assert legend is not None
+    limits = data().track.rate_limit
+    words = f"faster than ΔL ({limits.min():.2g} to {limits.max():.2g} cd/m²/s)"
+    assert words in [text.get_text() for text in legend.get_texts()]
 
 
 @pytest.mark.parametrize("spread", [1.0, 1e4], ids=["narrow", "wide"])
@@ -215,20 +166,14 @@ def test_every_limit_and_every_rate_has_room_in_the_figure(spread: float) -> Non
         assert top > np.max(line.get_ydata())
 
 
-def test_limits_that_vary_widely_make_rates_shares_of_them() -> None:
+def test_rates_are_shares_of_the_limit() -> None:
     given = data(4, rate=np.array([0.01, -3.0, 0.0, 0.0]), rate_limit=np.array([0.02, 4.0, 0.0, 0.0]))
-    panel = track_figure(given).axes[2]
-    (line,) = lines_of(track_figure(given), 2, OURS)
-    np.testing.assert_allclose(line.get_ydata()[:-1], [50.0, -75.0, 0.0])  # of 0.02, 4 and nothing
-    assert panel.get_ylabel() == "rate / ΔL [%]"
-    upper, lower = lines_of(track_figure(given), 2, LIMIT)
-    assert set(upper.get_ydata()) == {100.0}
-    assert set(lower.get_ydata()) == {-100.0}
+    np.testing.assert_allclose(rate_shares(given)[0], [50.0, -75.0, 0.0])  # of 0.02, 4 and nothing
 
 
 def test_a_change_where_none_is_allowed_has_no_share_of_its_limit() -> None:
     given = data(3, rate=np.array([0.01, -0.1, 0.0]), rate_limit=np.array([0.02, 0.0, 4.0]))
-    np.testing.assert_array_equal(drawn_rates(given).rate, [50.0, -np.inf])
+    np.testing.assert_array_equal(rate_shares(given)[0], [50.0, -np.inf])
 
 
 def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
@@ -236,12 +181,12 @@ def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
     pictures = [np.asarray(axes.images[0].get_array()) for axes in track_figure(given).axes if axes.images]
     assert len(pictures) == 6
     pairs = zip(pictures[::2], pictures[1::2], strict=True)
-    for (index, original), (full, dimmed) in zip(given.thumbnails, pairs, strict=True):
+    for (index, original), (full, dimmed) in zip(given.samples, pairs, strict=True):
         np.testing.assert_array_equal(full, original)
         np.testing.assert_array_equal(dimmed, dimmed_picture(original, given.track.factors[index]))
 
 
-DEGENERATE: dict[str, Callable[[], TrackFigureData]] = {
+DEGENERATE: dict[str, Callable[[], DrawnTrack]] = {
     "one frame": lambda: data(1, pictures=1),
     "two frames": lambda: data(2, pictures=2),
     "no thumbnails": lambda: data(pictures=0),
@@ -265,39 +210,28 @@ DEGENERATE: dict[str, Callable[[], TrackFigureData]] = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
-    assert png_bytes(track_figure(DEGENERATE[name](), SMALL)).startswith(b"\x89PNG")
+    assert png_bytes(track_figure(DEGENERATE[name]())).startswith(b"\x89PNG")
 
 
 @pytest.mark.slow
-@MEDIA
-def test_a_track_is_legible_in_every_medium(
-    medium: FigureFormat, require_legible: Callable[[Figure, FigureFormat], None]
-) -> None:
+def test_a_track_is_legible(require_legible: Callable[[Figure, FigureFormat], None]) -> None:
     given = data(video="a_rather_long_name_of_a_video.mp4", pictures=8)
     limit = np.where(np.arange(30) == 9, 0.1, 1.0) * given.track.rate_limit
-    wordy = dataclasses.replace(
-        given, achieved=0.37, clips=2, same_power=False, weighing=FrameWeighting.LEFT_OUT, fitted_limit=limit
-    )
-    require_legible(track_figure(wordy, medium), medium)
+    wordy = told(given, achieved=0.37, clips=2, baseline_power=1.1)
+    wordy = dataclasses.replace(wordy, counts=False, fitted_limit=limit)
+    require_legible(track_figure(wordy), PAGE)
 
 
 def test_a_figure_has_the_same_bytes_whenever_it_is_drawn(tmp_path: Path) -> None:
     before = dict(mpl.rcParams)
-    first, second = (png_bytes(track_figure(data(), SMALL)) for _ in range(2))
+    first, second = (png_bytes(track_figure(data())) for _ in range(2))
     assert first == second
     assert dict(mpl.rcParams) == before  # drawing leaves no setting behind
-    write_png(tmp_path / "track.png", track_figure(data(), SMALL))
+    write_png(tmp_path / "track.png", track_figure(data()))
     assert (tmp_path / "track.png").read_bytes() == first
 
 
-@pytest.mark.slow
-def test_a_figure_has_the_size_of_its_medium() -> None:
-    for medium in (PAGE, SLIDE, COLUMN):
-        pixels = imread(io.BytesIO(png_bytes(track_figure(data(), medium))))
-        height, width = (side * medium.dots_per_inch for side in (medium.height, medium.width))
-        np.testing.assert_allclose(pixels.shape[:2], (height, width), atol=1)
-
-
-def test_a_baseline_of_another_length_is_refused() -> None:
-    with pytest.raises(ValueError, match="each of the 30 frames, got 2"):
-        dataclasses.replace(data(), baseline_loss=np.zeros(2))
+def test_a_figure_has_the_size_of_a_page() -> None:
+    pixels = imread(io.BytesIO(png_bytes(track_figure(data()))))
+    height, width = (side * PAGE.dots_per_inch for side in (PAGE.height, PAGE.width))
+    np.testing.assert_allclose(pixels.shape[:2], (height, width), atol=1)

@@ -14,13 +14,14 @@ import evenlight
 ROOT = Path(evenlight.__file__).parents[1]
 
 
-def test_the_page_of_the_interface_is_up_to_date() -> None:
+def test_the_pages_that_are_made_are_up_to_date() -> None:
     spec = importlib.util.spec_from_file_location("make_api", ROOT / "docs" / "make_api.py")
     assert spec is not None
     assert spec.loader is not None
     made = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(made)
     assert (ROOT / "docs" / "api.md").read_text() == made.page(), "run `python docs/make_api.py`"
+    assert made.REQUESTS.read_text() == made.requests_page(), "run `python docs/make_api.py`"
 
 
 def run(name: str, folder: Path, *arguments: object) -> str:

@@ -33,7 +33,7 @@ def test_it_chooses_the_factors_that_the_command_chooses() -> None:
     known = control_curves(
         curves, Controller(ControllerSettings(0.05), scalar_rate_limit(limit, display.reflected_luminance))
     )
-    online = evenlight.OnlineController(0.05, frames_per_second=RATE)
+    online = evenlight.OnlineController(0.05, fps=RATE)
     factors = [online.step(frame) for frame in frames]
     # The curves interpolate the loss between knots; the object measures it at the factor itself.
     np.testing.assert_allclose(factors, known.factors, atol=3e-3)
@@ -46,7 +46,7 @@ def test_no_step_is_faster_than_the_rate_limit() -> None:
     curves = analyze_frames(iter(frames), "scene", display)
     allowed = scalar_rate_limit(limit, display.reflected_luminance)
     for settings in ({"target_loss": 0.3}, {"budget": 0.3, "horizon": 5.0}):
-        online = evenlight.OnlineController(**settings, frames_per_second=RATE, start_factor=0.9)
+        online = evenlight.OnlineController(**settings, fps=RATE, start_factor=0.9)
         factors = np.array([online.step(frame) for frame in frames])
         rate = modulation_rate(factors, curves.mean_luminance, curves.durations)
         bound = allowed_rate(
@@ -63,7 +63,7 @@ def test_a_budget_is_met_over_the_horizon(unit: str) -> None:
     full = model.base_power + model.power_per_luminance * model.peak_luminance
     wanted = {"factor": 0.5, "power": (model.base_power + 0.5 * (full - model.base_power)) / full}
     budget = wanted.get(unit, wanted["power"] * full)  # all three are a mean factor of 0.5
-    online = evenlight.OnlineController(budget=budget, budget_unit=unit, horizon=4.0, frames_per_second=RATE)
+    online = evenlight.OnlineController(budget=budget, budget_unit=unit, horizon=4.0, fps=RATE)
     factors = np.array([online.step(pixels) for pixels in scene(40.0)])
     assert factors[100:].mean() == pytest.approx(0.5, abs=0.02)
 
@@ -77,7 +77,7 @@ def test_the_buffer_of_a_player_gives_the_factors_of_the_command() -> None:
         Controller(ControllerSettings(0.05), scalar_rate_limit(limit, display.reflected_luminance)),
         VideoLookahead(LookaheadSettings(1.0)),
     )
-    online = evenlight.OnlineController(0.05, frames_per_second=RATE, lookahead=1.0)
+    online = evenlight.OnlineController(0.05, fps=RATE, lookahead=1.0)
     factors: list[float] = []
     for k, frame in enumerate(frames):
         factors += online.push(frame)
@@ -100,7 +100,7 @@ def test_step_and_push_are_not_mixed() -> None:
 def test_a_walk_without_gain_is_warned_of() -> None:
     """The gains are 0: that is constant dimming."""
     online = evenlight.OnlineController(
-        0.1, horizon=1.0, frames_per_second=RATE, proportional=0.0, integral=0.0, derivative=0.0
+        0.1, horizon=1.0, fps=RATE, proportional=0.0, integral=0.0, derivative=0.0
     )
     for pixels in scene(3.0):
         online.step(pixels)
@@ -134,11 +134,11 @@ def test_frames_of_another_size_are_refused() -> None:
         ({"target_loss": 2.0}, "target_loss"),
         ({"budget": 0.5, "budget_unit": "percent"}, "percent"),
         ({"target_loss": 0.1, "display": "varjo"}, "did you mean 'varjo-xr3'"),
-        ({"target_loss": 0.1, "lowest_factor": 0.0}, "lowest_factor"),
+        ({"target_loss": 0.1, "min_factor": 0.0}, "min_factor"),
         ({"target_loss": 0.1, "start_factor": 0.1}, "start_factor"),
-        ({"target_loss": 0.1, "frames_per_second": 0.0}, "frames_per_second"),
+        ({"target_loss": 0.1, "fps": 0.0}, "fps"),
         ({"budget": 0.1}, "budget"),
-        ({"target_loss": 0.1, "lookahead": -1.0}, "lookahead must be a number in 0 to 60"),
+        ({"target_loss": 0.1, "lookahead": -1.0}, "lookahead must lie in 0 to 60"),
         ({"budget": 50.0, "budget_unit": "watt"}, "budget"),
         ({"target_loss": 0.1, "gain_rate": 0.0}, "gain_rate must be above 0"),
     ],

@@ -48,7 +48,68 @@ def test_the_rate_limit_is_for_the_display_and_says_that_it_is_simulated(fit: ev
     assert fit.rate_limit.display == evenlight.load_display("varjo-xr3")
     assert fit.rate_limit.simulated
     track = evenlight.optimize([np.full((16, 16, 3), 90, np.uint8)] * 4, 0.6, rate_limit=fit.rate_limit)
-    assert track.summary.simulated
+    assert track.outcome.simulated
+
+
+def test_the_rate_at_half_of_the_rise_is_that_of_the_function_drawn_from(fit: evenlight.RampFit) -> None:
+    """1 / (1 + e^(-4 ln r) / 3) is 1/2 at ln r = -ln(3) / 4: 0.76 times the rate at 3/4."""
+    table, half = fit.threshold(), RELATIVE * 3**-0.25
+    relative = table["rate_cd_m2_s"] / table["luminance_cd_m2"]
+    assert len(table) == 18
+    assert np.exp(np.log(relative).mean()) == pytest.approx(half, rel=0.15)
+    held = (table["ci_low"] <= half * table["luminance_cd_m2"]) & (
+        half * table["luminance_cd_m2"] <= table["ci_high"]
+    )
+    assert held.mean() > 0.75
+    assert (table["rate_cd_m2_s"].between(table["ci_low"], table["ci_high"])).all()
+
+
+def test_a_psychometric_function_gives_probabilities_and_what_it_is_made_of(fit: evenlight.RampFit) -> None:
+    function = fit.psychometric(2, 40.0)
+    table = fit.thresholds.set_index(["participant_id", "luminance_cd_m2"]).loc[("2", 40.0)]
+    assert function.threshold == pytest.approx(table["threshold_cd_m2_s"], rel=1e-12)
+    assert float(function(function.threshold)) == pytest.approx(0.75, rel=1e-12)
+    assert float(function(0.0)) == pytest.approx(function.guess_rate, abs=1e-12)
+    step = 1e-5  # the slope is the derivative by ln(rate)
+    ends = function(function.threshold * np.exp([-step, step]))
+    assert function.slope == pytest.approx((ends[1] - ends[0]) / (2 * step), rel=1e-6)
+    at = fit.threshold(0.9).set_index(["participant_id", "luminance_cd_m2"]).loc[("2", 40.0), "rate_cd_m2_s"]
+    share = (float(function(at)) - function.guess_rate) / (1 - function.guess_rate - function.lapse_rate)
+    assert share == pytest.approx(0.9, rel=1e-9)
+
+
+def test_a_rate_limit_can_be_called(fit: evenlight.RampFit) -> None:
+    low, high = fit.rate_limit.luminance_range
+    inside, below, beyond = fit.rate_limit(low), fit.rate_limit([low / 2, 0.0]), fit.rate_limit(2 * high)
+    assert below.tolist() == pytest.approx([float(inside) / 2, 0.0])
+    assert float(beyond) == pytest.approx(float(fit.rate_limit(high)), rel=1e-12)
+
+
+def test_a_fit_says_what_came_out_and_draws_it(fit: evenlight.RampFit) -> None:
+    heading, lead, *figures = repr(fit).splitlines()
+    assert heading == "<RampFit of 3 simulated participants: 18 thresholds>"
+    assert "\n".join([lead, *figures]) == fit.summary()
+    assert lead.startswith("On varjo-xr3, luminance changes of ")
+    assert len(lead.split()) <= 60
+    assert 3 <= len(figures) <= 4
+    assert set(fit.plot()) == {"psychometric", "rate_limit"}
+    assert fit.to_frame().equals(fit.thresholds)
+
+
+@pytest.mark.parametrize(
+    ("asked", "words"),
+    [
+        (lambda fit: fit.threshold(1.5), "between 0 and 1, got 1.5"),
+        (lambda fit: fit.psychometric("9", 40.0), "no participant 9; there are 1, 2, 3"),
+        (lambda fit: fit.psychometric("1", 50.0), "no level of 50 cd/m.2; there are 100 .*8 cd/m.2, falling"),
+        (lambda fit: fit.plot("answers"), "one of psychometric, rate_limit"),
+    ],
+)
+def test_what_a_fit_does_not_have_is_refused_with_what_it_has(
+    fit: evenlight.RampFit, asked: Callable[[evenlight.RampFit], Any], words: str
+) -> None:
+    with pytest.raises(evenlight.InputError, match=words):
+        asked(fit)
 
 
 @pytest.mark.slow
@@ -59,7 +120,7 @@ def test_a_table_gives_the_thresholds_that_its_data_set_gives(
     dataset = tmp_path / "dataset"
     people = ("--participants", 2, "--seed", 5, "--design", short_ramps)
     assert command("simulate", "ramp", *people, "--out", dataset, "--quiet").code == 0
-    assert command("fit", dataset, "--out", tmp_path / "fit", "--quiet", "--no-clip").code == 0
+    assert command("fit", dataset, "--out", tmp_path / "fit", "--quiet").code == 0
     rows = [pd.read_json(file, lines=True, dtype={"participant_id": str, "session_id": str})
             for file in sorted(dataset.glob("sub-*/ses-*/trials.jsonl"))]  # fmt: skip
     table = pd.concat(rows).rename(columns={"initial_luminance_cd_m2": "luminance_cd_m2"})
@@ -76,6 +137,9 @@ def test_what_is_saved_is_what_optimize_takes(fit: evenlight.RampFit, tmp_path: 
     assert again.coefficients == fit.rate_limit.coefficients
     assert again.simulated
     assert (tmp_path / "thresholds.csv").read_text().count("\n") == 19
+    for name in fit.figures:
+        assert (tmp_path / f"{name}.png").exists()
+        assert (tmp_path / f"{name}_points.csv").exists()
 
 
 def ratings(people: int = 8) -> pd.DataFrame:
@@ -138,7 +202,7 @@ def test_search_times_need_no_column_that_statistics_do_not_read() -> None:
         if (who + point) % 2 == (version == "ours")
     ]  # fmt: skip
     found = evenlight.analyze(rows)
-    assert found.findings.name == "search"
+    assert found.name == "search"
     assert len(found.statistics) > 10
 
 

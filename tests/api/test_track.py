@@ -1,5 +1,7 @@
 """The public interface: from frames to a track, and from a folder back."""
 
+import dataclasses
+import inspect
 from pathlib import Path
 
 import numpy as np
@@ -7,8 +9,10 @@ import pytest
 from numpy.typing import NDArray
 
 import evenlight
+from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.method.choices import LimitCurve
 
 
 def scene(seed: int = 1) -> list[NDArray[np.uint8]]:
@@ -19,7 +23,7 @@ def scene(seed: int = 1) -> list[NDArray[np.uint8]]:
 
 @pytest.fixture(scope="module")
 def track() -> evenlight.Track:
-    return evenlight.optimize(scene(), 0.5, frames_per_second=2.0)
+    return evenlight.optimize(scene(), 0.5, fps=2.0)
 
 
 def test_a_track_keeps_its_promises(track: evenlight.Track) -> None:
@@ -56,7 +60,7 @@ def test_what_is_saved_is_loaded_again(track: evenlight.Track, tmp_path: Path) -
     again = evenlight.load(tmp_path / "track")
     np.testing.assert_array_equal(again.factors, track.factors)
     np.testing.assert_array_equal(again.loss(0.4), track.loss(0.4))
-    assert again.summary == track.summary
+    assert again.outcome == track.outcome
     assert (tmp_path / "track" / "track.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -85,9 +89,9 @@ def test_the_command_and_the_function_give_the_same_track(command, tmp_path: Pat
 
 @pytest.mark.slow
 def test_curves_serve_for_several_budgets() -> None:
-    curves = evenlight.loss_curves(scene(), frames_per_second=2.0)
+    curves = evenlight.loss_curves(scene(), fps=2.0)
     for budget in (0.4, 0.7):
-        direct = evenlight.optimize(scene(), budget, frames_per_second=2.0)
+        direct = evenlight.optimize(scene(), budget, fps=2.0)
         np.testing.assert_array_equal(evenlight.optimize(curves, budget).factors, direct.factors)
 
 
@@ -102,22 +106,28 @@ def test_the_loss_of_a_frame_is_that_of_its_curve() -> None:
 
 @pytest.mark.slow
 def test_an_iterator_of_frames_is_read_once() -> None:
-    direct = evenlight.optimize(scene(), 0.5, frames_per_second=2.0)
-    once = evenlight.optimize(iter(scene()), 0.5, frames_per_second=2.0)
+    direct = evenlight.optimize(scene(), 0.5, fps=2.0)
+    once = evenlight.optimize(iter(scene()), 0.5, fps=2.0)
     np.testing.assert_array_equal(once.factors, direct.factors)
-    assert once.summary.provenance.inputs["video"] == "unknown"
+    assert once.outcome.provenance.inputs["video"] == "unknown"
 
 
 def test_what_is_shown_says_what_it_is(track: evenlight.Track) -> None:
-    assert "40 frames" in repr(track)
-    assert "mean factor 0.500" in repr(track)
+    said = repr(track)
+    assert "40 frames" in said
+    assert "mean factor 0.500" in said
+    assert said.endswith(track.summary())
+    ours, constant = track.objective, track.objective_baseline
+    assert f"{100 * ours:.1f} points" in said  # one unit for a difference of losses, wherever it is told
+    assert f"constant dimming {100 * constant:.1f}" in said
     for thing in (track.curves, track.track):
         assert len(repr(thing)) < 300
 
 
 def test_the_figure_shows_the_factor_the_loss_and_the_rate(track: evenlight.Track) -> None:
-    labels = {axes.get_ylabel() for axes in track.plot().axes}
-    assert {"factor b", "contrast loss"} <= labels
+    labels = {axes.get_ylabel() for axes in track.plot("track").axes}
+    assert {"factor b", "loss [%]", "rate [% of ΔL]"} <= labels
+    assert list(track.plot()) == ["track"]
 
 
 @pytest.mark.parametrize(
@@ -126,10 +136,10 @@ def test_the_figure_shows_the_factor_the_loss_and_the_rate(track: evenlight.Trac
         ({"budget": 1.5}, "budget"),
         ({"budget_unit": "percent"}, "percent"),
         ({"rate_limit": "nowhere.json"}, "nowhere.json"),
-        ({"lowest_factor": 0.0}, "lowest_factor"),
-        ({"calm": 2.0}, "calm must be a number in 0 to 1"),
+        ({"min_factor": 0.0}, "min_factor"),
+        ({"calm": 2.0}, "calm must lie in 0 to 1"),
         ({"solver": "magic"}, "magic"),
-        ({"frames_per_second": -1.0}, "frames_per_second must be above 0"),
+        ({"fps": -1.0}, "fps must be above 0"),
         ({"video": "nowhere.mp4"}, "nowhere.mp4"),
         ({"video": [np.zeros((8, 8))]}, "frame 0: .*pixel values of shape"),
         ({"video": [np.zeros((4, 4, 3))]}, "frame 0: a frame needs at least 8 x 8"),
@@ -139,31 +149,98 @@ def test_the_figure_shows_the_factor_the_loss_and_the_rate(track: evenlight.Trac
         ({"display": 3}, "display must be a preset's name, a path or a Display, got a int"),
         ({"jobs": -2}, "jobs must be a whole number"),
         ({"seed": -1}, "seed must be a whole number"),
-        ({"field_of_view": 200}, "field_of_view must be a number"),
+        ({"robust": ("relative", "castle")}, "robust must be true or false"),
+        ({"robust": True, "measures": ["castle"]}, "two measures or more"),
+        ({"measures": "castle,relative"}, "measures castle,relative is for robust, which is missing"),
+        ({"others": "b.mp4"}, "others must be a list of videos"),
+        ({"weights": 3}, "weights must be a path, got a int"),
+        ({"weights": "gone.csv"}, "weights gone.csv: no such file"),
+        ({"device": "tpu"}, "device must be one of cpu, gpu, auto"),
+        ({"battery_wh": "big"}, "battery_wh must be a number"),
+        ({"field_of_view": 200}, "field_of_view must lie in 0.1 to 175"),
     ],
 )
 def test_errors_name_the_argument(given: dict[str, object], says: str) -> None:
-    arguments = {"video": scene(), "budget": 0.5, "frames_per_second": 2.0, **given}
+    arguments = {"video": scene(), "budget": 0.5, "fps": 2.0, **given}
     if "nowhere.mp4" in str(arguments["video"]):
-        arguments["frames_per_second"] = None
+        arguments["fps"] = None
     with pytest.raises(evenlight.InputError, match=says) as refused:
         evenlight.optimize(**arguments)  # type: ignore[arg-type] # wrong on purpose
     assert "--" not in str(refused.value)
 
 
 def test_loss_curves_are_not_asked_for_again_with_other_arguments() -> None:
-    curves = evenlight.loss_curves(scene(), frames_per_second=2.0, lowest_factor=0.1)
-    assert evenlight.optimize(curves, 0.15).summary.lowest_factor == pytest.approx(0.1)
+    curves = evenlight.loss_curves(scene(), fps=2.0, min_factor=0.1)
+    assert evenlight.optimize(curves, 0.15).outcome.lowest_factor == pytest.approx(0.1)
     for given in (
         {"display": "nosuch"},
-        {"lowest_factor": 0.4},
-        {"frames_per_second": 3.0},
+        {"min_factor": 0.4},
+        {"fps": 3.0},
         {"field_of_view": 40},
     ):
         with pytest.raises(evenlight.InputError, match=f"{next(iter(given))}: loss curves were made"):
             evenlight.optimize(curves, 0.5, **given)
     with pytest.raises(evenlight.InputError, match="contrast_model is not the one"):
         evenlight.optimize(curves, 0.5, contrast_model="as-printed")
+
+
+def test_every_option_of_the_command_is_a_keyword_with_its_default() -> None:
+    """But for what Python has no use for: its own cache and the player's page."""
+    keywords = dict(inspect.signature(evenlight.optimize).parameters)
+    assert list(keywords)[:2] == ["video", "budget"]
+    options = {one.name: one.default for one in dataclasses.fields(TrackRequest)}
+    assert keywords.keys() - {"video"} == options.keys() - {"no_cache", "no_player"}
+    for name, keyword in keywords.items() - {("video", keywords["video"]), ("budget", keywords["budget"])}:
+        assert keyword.default == getattr(options[name], "value", options[name])
+        assert f"\n{name} : " in (evenlight.optimize.__doc__ or "")
+
+
+def test_choices_are_taken_by_their_values_and_as_members() -> None:
+    named, by_value = (
+        evenlight.optimize(scene()[:6], 0.5, fps=2.0, actuator=actuator, limit_curve=curve)
+        for actuator, curve in (("pixels", "safe"), (evenlight.Actuator.PIXELS, LimitCurve.SAFE))
+    )
+    np.testing.assert_array_equal(named.factors, by_value.factors)
+
+
+def test_clips_share_a_budget_with_weights_allowances_and_a_battery(tmp_path: Path) -> None:
+    (tmp_path / "weights.csv").write_text("start_s,end_s,weight\n0,2,3\n")
+    (tmp_path / "still.csv").write_text("start_s,end_s,allowance\n1,4,0\n")
+    first = evenlight.optimize(
+        scene(),
+        0.5,
+        fps=2.0,
+        others=[scene(2)],
+        weights=tmp_path / "weights.csv",
+        allowances=str(tmp_path / "still.csv"),
+        battery_wh=50.0,
+    )
+    (second,) = first.others
+    assert np.concatenate([first.factors, second.factors]).mean() == pytest.approx(0.5, abs=1e-6)
+    assert np.ptp(first.factors[1:8]) == pytest.approx(0, abs=1e-9)  # held from 1 s to 4 s, at 2 Hz
+    assert first.outcome.weighted
+    assert first.outcome.battery_capacity == 50.0
+    assert second.others == ()
+
+
+def test_an_earlier_track_is_what_another_starts_from(track: evenlight.Track, tmp_path: Path) -> None:
+    track.save(tmp_path / "earlier")
+    again = evenlight.optimize(track.curves, 0.5, start=tmp_path / "earlier")
+    assert again.objective == pytest.approx(track.objective, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [("lowest_factor", "min_factor"), ("frames_per_second", "fps"), ("battery", "battery_wh")],
+)
+def test_another_name_is_told_the_right_one(wrong: str, right: str, command) -> None:
+    for take in (evenlight.optimize, evenlight.loss_curves, evenlight.OnlineController):
+        with pytest.raises(evenlight.InputError, match=f"{wrong}: it is called {right}"):
+            take(scene(), 0.5, **{wrong: 2.0})  # type: ignore[operator] # wrong on purpose
+    told = command("optimize", "sunrise", "--budget", 0.5, "--out", "o", f"--{wrong.replace('_', '-')}", 2)
+    assert f"it is called --{right.replace('_', '-')}; see" in told.err
+    with pytest.raises(TypeError, match=r"optimize\(\) got an unexpected keyword argument 'brightness'"):
+        evenlight.optimize(scene(), 0.5, brightness=1)  # type: ignore[call-arg] # wrong on purpose
 
 
 def test_tracks_can_be_kept_in_sets(track: evenlight.Track) -> None:
@@ -177,3 +254,10 @@ def test_factors_beyond_the_curves_are_refused(track: evenlight.Track) -> None:
         track.loss([0.5, 0.6])
     with pytest.raises(evenlight.InputError, match="no such folder"):
         evenlight.load("nowhere")
+
+
+def test_what_is_gone_says_why(command) -> None:
+    with pytest.raises(evenlight.InputError, match="tolerance: it is gone: every frame is counted whole"):
+        evenlight.optimize(scene(), 0.5, tolerance=0.1)  # type: ignore[call-arg] # gone
+    told = command("optimize", "sunrise", "--budget", 0.5, "--out", "o", "--tolerance", 0.1)
+    assert "it is gone: every frame is counted whole; see" in told.err

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from evenlight.analysis.measurement.sweeps.power_fit import LineFit, fit_line, points_of
+from evenlight.analysis.sweeps.power_fit import LineFit, fit_line, points_of
 from evenlight.method.preset_files import load_power_model
 
 # Luminance of the panel [cd/m²] and current from its 5 V supply [A], as the authors published them.
@@ -19,16 +19,16 @@ def published_fit() -> LineFit:
 
 def test_the_fit_to_the_published_pairs_is_the_published_line() -> None:
     fit = published_fit()
-    assert round(fit.slope, 6) == 0.001858
+    assert round(fit.power_per_luminance, 6) == 0.001858
     assert round(fit.base_power, 4) == 0.2945
     # Unrounded, as the authors' program prints them.
-    assert fit.slope == pytest.approx(0.00185775, abs=5e-9)
+    assert fit.power_per_luminance == pytest.approx(0.00185775, abs=5e-9)
     assert fit.base_power == pytest.approx(0.29451434, abs=5e-9)
 
 
 def test_the_preset_is_that_line_within_its_rounding() -> None:
     preset, fit = load_power_model("surace2025"), published_fit()
-    assert preset.power_per_luminance == pytest.approx(fit.slope, abs=5e-7)
+    assert preset.power_per_luminance == pytest.approx(fit.power_per_luminance, abs=5e-7)
     assert preset.base_power == pytest.approx(fit.base_power, abs=5e-5)
     low, high = fit.base_power_interval
     assert low < preset.base_power < high

@@ -4,7 +4,7 @@ import pytest
 
 from benchmarks import apply_subject
 from benchmarks.measured import RunSettings
-from evenlight.data_schema.benchmark import Role
+from benchmarks.records import Role
 
 
 def test_every_codec_has_its_error_and_the_lossless_one_the_smallest(monkeypatch: pytest.MonkeyPatch) -> None:

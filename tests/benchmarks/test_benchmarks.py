@@ -21,10 +21,10 @@ from benchmarks.measured import (
 )
 from benchmarks.page import page
 from benchmarks.peak_memory import peak_memory
+from benchmarks.records import BenchmarkClaim, BenchmarkPoint, BenchmarkSummary, Role
 from benchmarks.results import measure_all
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.analysis.figure_style import look
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint, BenchmarkSummary, Role
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 

@@ -18,31 +18,25 @@ from benchmarks.optimizer_lengths import (
 from benchmarks.optimizer_peers import Family, _family_claim, _timed, best_of
 from benchmarks.optimizer_problems import keep_made, made_curves, odd_problems, solve_kept
 from benchmarks.page import page
+from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import Times
-from evenlight.data_schema.benchmark import BenchmarkPoint, Role
-from evenlight.data_schema.errors import InputError
 from evenlight.method.optimizer.optimize import Problem, Solution, optimize
 from evenlight.method.optimizer.splitting import SplittingSolver
 
 
-def test_peers_are_timed_in_turn_after_one_that_does_not_count_and_refusals_are_left_out() -> None:
+def test_peers_are_timed_in_turn_after_a_turn_that_does_not_count() -> None:
     order: list[str] = []
-
-    def missing() -> float:
-        raise InputError("not installed")
 
     def run(name: str) -> float:
         order.append(name)
         return len(order)
 
     runs = {name: (lambda name=name: run(name), Role.PEER) for name in ("ours", "peer")}
-    refused: dict[str, str] = {}
-    times, found = _timed({**runs, "absent": (missing, Role.PEER)}, 2, refused)
+    times, found = _timed(runs, 2)
     assert order == ["ours", "peer"] * 3
     assert len(times["peer"].wall) == 2
     np.testing.assert_array_equal(times["peer"].ratio, times["peer"].wall / times["ours"].wall)
     assert set(found) == {"ours", "peer"}
-    assert refused == {"absent": "not installed"}
 
 
 def test_the_page_says_how_often_each_was_timed_and_gives_one_run_no_quartiles() -> None:

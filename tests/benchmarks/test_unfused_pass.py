@@ -10,13 +10,14 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from benchmarks import unfused_pass
+from benchmarks.curve_definition import loss_curves_by_definition
 from benchmarks.unfused_pass import UnfusedPass, visible_share
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.contrast_loss import visible_map
 from evenlight.method.contrast.critical_factor import MASKING_RANGE, effective_sensitivity
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
-from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
 from evenlight.method.contrast.masking import MASKING_EXPONENT, neighbourhood_mean
 from evenlight.method.contrast.pyramid import counted_frequencies

@@ -14,7 +14,10 @@ from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueRow
 
 TIMES = ("solve_s", "curves_s", "bound_s")  # of summary.json: what differs from run to run
-OF_CATALOGUE = "catalogue.json"  # beside what `optimize` writes
+OF_CATALOGUE = (
+    "catalogue.json",
+    "request.toml",
+)  # beside what `optimize` writes; its request names another folder
 
 
 @contextmanager
@@ -35,11 +38,6 @@ def clip(path: Path, seed: int, count: int = 25, **more: Any) -> Path:
     return film(path, shown, **more)
 
 
-def slow_clip(path: Path) -> Path:
-    """A film of 40 s, of which there are 100 pictures: four parts of 10 s."""
-    return clip(path, 3, 100, stamps=range(0, 40000, 400))
-
-
 def rows_of(out: Path) -> dict[str, CatalogueRow]:
     return {row.name: row for row in read_rows(CatalogueRow, out / "catalogue.csv")}
 
@@ -50,7 +48,7 @@ def contents(folder: Path) -> dict[str, Any]:
     for path in sorted(folder.iterdir()):
         if path.name == "summary.json":
             found[path.name] = {k: v for k, v in json.loads(path.read_text()).items() if k not in TIMES}
-        elif path.name != OF_CATALOGUE:
+        elif path.name not in OF_CATALOGUE:
             found[path.name] = path.read_bytes()
     return found
 

@@ -29,7 +29,6 @@ HERE = "workers-here"  # stands for the address of a cluster in the process of t
 PARSED = {
     "demo": "runs in tests/pipeline/test_demo.py, as it stands",
     "reproduce": "half an hour; its quick form runs in tests/pipeline/test_reproduce_command.py",
-    "audit --quiet": "the audit of README, without a word",
     "bench": "half an hour; tests/benchmarks has its parts",
     "plan ramp": "minutes; a small one runs in tests/analysis/test_planning.py",
     "plan search": "ten seconds; a small one runs in tests/analysis/test_viewing_plan.py",
@@ -56,7 +55,7 @@ def on_emulators(words: list[str]) -> None:
     """Instruments at a port are the real drivers on emulated ones; other backlights, headsets simulated."""
     for k, word in enumerate(words):
         driver, colon, address = word.partition(":")
-        if word.startswith(("adc:", "soundcard:")) or BACKLIGHT.match(word):
+        if BACKLIGHT.match(word):
             words[k] = "simulated"
         elif colon and driver not in ("exec", "simulated", "battery") and PORT.match(address) and address:
             words[k] = f"simulated:{driver}"
@@ -115,12 +114,6 @@ def not_for_long(words: list[str]) -> None:
         words[:] = _with(words, "--participants", "8,12")
 
 
-def without_a_clip(words: list[str]) -> None:
-    """A fit tries its curve on a sunrise, which takes 12 s: tests/pipeline/test_demo.py does it."""
-    if words[0] == "fit" and "--clip" not in words:
-        words += ["--no-clip"]
-
-
 def on_workers_here(words: list[str]) -> None:
     """Each process of a cluster imports all there is: tests/pipeline/test_catalogue_killed.py has several."""
     if words[0] == "catalogue":
@@ -135,7 +128,7 @@ def in_small_pictures(words: list[str]) -> None:
 
 RULES: tuple[Callable[[list[str]], None], ...] = (
     on_emulators, without_a_person, on_a_simulated_window, in_a_made_up_headset, on_a_dry_run, not_for_long,
-    without_a_clip, on_workers_here, in_small_pictures,
+    on_workers_here, in_small_pictures,
 )  # fmt: skip
 
 

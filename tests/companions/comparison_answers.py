@@ -9,7 +9,6 @@ from pathlib import Path
 from comparison_levels import PEOPLE
 
 from evenlight.analysis.comparison.comparison_results import compare
-from evenlight.analysis.comparison.comparison_statistics import statistics_of
 from evenlight.analysis.session_loading import Session, TaskData
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.display import Display
@@ -56,7 +55,7 @@ def answers_of(
 
 def rows_of(answers: Sequence[Answer], margin: float = 0.15) -> tuple[Statistic, ...]:
     """The rows of these answers, without figures."""
-    return statistics_of(compare(data_of(answers), 1, margin))
+    return tuple(compare(data_of(answers), 1, margin).rows)
 
 
 def row(rows: Sequence[Statistic], table: str, group: str, what: str) -> Statistic:

@@ -24,7 +24,7 @@ from catalogues import clip
 from distributed import LocalCluster
 
 from evenlight import cluster
-from evenlight.analysis.catalogue.results import RESULT
+from evenlight.analysis.catalogue.catalogue_results import RESULT
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import read_track

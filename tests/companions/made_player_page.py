@@ -12,11 +12,13 @@ from typing import Any
 import av
 import numpy as np
 from browser_pages import Browser
+from made_summary import made_summary
 from PIL import Image
 from selenium.webdriver import ActionChains
 
-from evenlight.analysis.player.player_page import PlayerContent, Proxy, Tiles
-from evenlight.analysis.tracks.track_figure_data import TrackFigureData
+from evenlight.analysis.player.player_page import PlayerContent
+from evenlight.analysis.player.proxy_video import Proxy, Tiles
+from evenlight.analysis.tracks.track_figure import DrawnTrack
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
@@ -79,8 +81,9 @@ def made_content() -> PlayerContent:
     halves = [np.zeros((4, 8, 3)) for _ in MAPPED]
     halves[0][:, :4, 0] = halves[1][:, 4:, 0] = 255
     contrast = Tiles(sheet_of(halves, "PNG"), 8, 4, 2, np.array(MAPPED))
-    data = TrackFigureData(made_track(), CONSTANT, 0.3 + 0.05 * np.sin(STEPS / 2), 0.01, 0.02)
-    return PlayerContent(data, DISPLAY, np.full(N, 1.0), 2.0, made_proxy(), contrast, ("A made note.",))
+    summary = made_summary(baseline_factor=CONSTANT)
+    data = DrawnTrack(made_track(), summary, 0.3 + 0.05 * np.sin(STEPS / 2))
+    return PlayerContent(data, DISPLAY, np.full(N, 1.0), made_proxy(), contrast, ("A made note.",))
 
 
 def opened(browser: Browser, page: Path) -> None:

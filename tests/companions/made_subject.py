@@ -5,8 +5,8 @@ import os
 import numpy as np
 
 from benchmarks.measured import Approach, RunSettings, SubjectResults, point
+from benchmarks.records import Role
 from benchmarks.stopwatch import Times
-from evenlight.data_schema.benchmark import Role
 
 
 def measure(settings: RunSettings) -> SubjectResults:

@@ -1,16 +1,11 @@
-"""Sequences of a few small frames, in place of rendered ones, and who rates them: workers find both here."""
+"""Sequences of a few small frames, in place of rendered ones: workers find them here."""
 
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
-from made_ratings import Raters, drawn_ratings
 
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
-from evenlight.data_schema.recordings.assumed_effect import RATED, AssumedEffect
-from evenlight.data_schema.recordings.ramp import Trial
-from evenlight.data_schema.tracks.brightness_track import read_track
 
 FRAMES = 20
 
@@ -37,14 +32,3 @@ class Pattern:
 
 def pattern(name: str, size: object = None, frames_per_second: object = None) -> Pattern:
     return Pattern(name)
-
-
-def rated_often(
-    task: str, stimuli: Path, people: tuple[int, int], display: str, sets: int
-) -> tuple[tuple[AssumedEffect, ...], tuple[tuple[Trial, ...], ...]]:
-    """Return an effect that a track has, and ratings with seeds that follow each other."""
-    viewers, seed = people
-    effect = float(read_track(stimuli / "library" / "track.csv").factors.std())
-    seeds = range(seed, seed + sets)
-    rated = (drawn_ratings(Raters(effect), viewers, np.random.default_rng(own)) for own in seeds)
-    return (AssumedEffect(RATED, "library", effect, "rating points"),), tuple(map(tuple, rated))

@@ -50,6 +50,7 @@ HAS: dict[str, tuple[str, ...]] = {
         "ratings.csv", "lab.csv", "07_detail.csv", "data.json", "likert.toml", "data", "slider.toml",
     ),
     "docs/measuring.md": ("film.mp4", "film-dimmed.mp4", "desk.rig.toml", "calibration"),
+    "docs/requests.md": ("film.mp4",),
     "docs/scale.md": ("films",),
     "docs/scenes.md": ("lab.glb", "walk.json"),
     "docs/sessions.md": ("film.mp4", "lab", "pages-ja", "NotoSansJP-Regular.ttf"),
@@ -159,7 +160,7 @@ class Shelf:
 
     def _make_calibration(self) -> None:
         self.make("lab")
-        self._run("fit", "lab", "--no-clip", "--out", "calibration")
+        self._run("fit", "lab", "--out", "calibration")
 
     def _make_film_track(self) -> None:
         self.make("film.mp4")

@@ -22,8 +22,6 @@ from typing import Any
 FORKS = multiprocessing.get_context("forkserver")
 FORKS.set_forkserver_preload(["warm_modules"])
 STREAMS = ("out", "err")
-CRASHED = (-signal.SIGSEGV, -signal.SIGABRT)  # what the thread of PsychoPy's keyboard may do as it starts
-STARTS = 3  # of a process that ends so
 
 
 class Run:
@@ -84,7 +82,7 @@ def said_by(script: Path, words: list[str], environment: dict[str, str]) -> dict
     """Return what a script prints in its last line, having told nothing on standard error."""
     run = Run(words, environment, script)
     out, err = run.communicate(timeout=280)
-    assert (run.returncode, err) == (0, "")
+    assert (run.returncode, err) == (0, ""), f"it ended with {run.returncode}, and wrote: {err}{out}"
     return dict(json.loads(out.splitlines()[-1]))
 
 

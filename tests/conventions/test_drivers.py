@@ -114,6 +114,7 @@ def keep(pairs: list[tuple[Promise, Subject]], at_once: int = AT_ONCE) -> None:
     assert list(filter(None, said)) == []
 
 
+@pytest.mark.real_time  # emulated devices count energy, and answer within tenths of a second, by the clock
 @pytest.mark.parametrize(
     "promise", [one for one in (*INTERFACE, *WORKING, *TOLD) if one.words != IMPORTS], ids=lambda p: p.words
 )

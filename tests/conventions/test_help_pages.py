@@ -14,8 +14,7 @@ from typer.core import TyperArgument, TyperGroup, TyperOption
 import evenlight
 from evenlight import option_panels
 from evenlight.command import COMMANDS, app
-from evenlight.help_examples import EXAMPLES
-from evenlight.help_pages import GROUPS
+from evenlight.help_pages import EXAMPLES, GROUPS
 from evenlight.stimuli.sequences import SEQUENCES
 
 ROOT = Path(evenlight.__file__).parents[1]
@@ -84,14 +83,16 @@ def test_no_page_shows_types_of_programmers(words: tuple[str, ...]) -> None:
     assert not re.search(r"<\w|BOOLEAN|None\b|default: \]|default: False", page)
     for one in ALL[words].params:
         assert one.help, one.name
-        if isinstance(one, TyperOption) and one.is_flag:
+        if getattr(one, "hidden", False):
+            assert not re.search(rf"^  {re.escape(one.opts[0])} ", page, re.MULTILINE)
+        elif isinstance(one, TyperOption) and one.is_flag:
             assert re.search(rf"^  {re.escape(one.opts[0])}(  | / |$)", page, re.MULTILINE)
         if isinstance(one, TyperArgument):
             assert re.search(rf"^  {(one.metavar or one.name).upper()}(\.\.\.)?(  |$)", page, re.MULTILINE)
 
 
 def test_many_options_are_shown_in_panels(words: tuple[str, ...]) -> None:
-    options = [one for one in ALL[words].params if isinstance(one, TyperOption)]
+    options = [one for one in ALL[words].params if isinstance(one, TyperOption) and not one.hidden]
     if len(options) > MANY:
         assert len({one.rich_help_panel for one in options}) > 2
         assert {one.name for one in options if one.rich_help_panel is None} <= {"quiet", "help"}

@@ -39,14 +39,12 @@ GUARDED = {
     "hardware/drivers/device_lock.py": {"fcntl": 1, "major": 1, "minor": 1},  # ImportError: nothing is locked
     "hardware/drivers/program_lines.py": {"SIGKILL": 2, "killpg": 1, "set_blocking": 1},  # require_unix
     "hardware/drivers/serial_link.py": {"termios": 1},  # ImportError: HAS_TERMINALS
-    "hardware/drivers/sound_card.py": {"set_blocking": 1},  # needs the program arecord, which Linux has
     "hardware/emulators/link.py": {"tty": 1, "openpty": 1, "set_blocking": 1, "ttyname": 1},  # require_unix
     "hardware/emulators/power_meters.py": {"mkfifo": 2, "O_NONBLOCK": 1},  # require_unix
     # sys.platform: Windows has another clock
     "hardware/presentation/openxr_runtime.py": {"CLOCK_MONOTONIC": 1, "clock_gettime_ns": 1},
     "experiments/follow/mpv_player.py": {"AF_UNIX": 1},  # hasattr, in follow_film.py
     "method/choices.py": {"sched_getaffinity": 1},  # hasattr
-    "analysis/plan_command.py": {"sched_getaffinity": 1},  # hasattr
     "evenlight/command.py": {"SIGHUP": 1},  # hasattr
 }
 

@@ -14,7 +14,6 @@ import pytest
 from hypothesis import strategies as st
 
 from evenlight.data_schema.analysis_results import Statistic
-from evenlight.data_schema.benchmark import BenchmarkClaim, BenchmarkPoint
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.mapping import type_hints
 from evenlight.data_schema.power_model import PanelKind, PowerModel
@@ -46,9 +45,8 @@ from evenlight.data_schema.recordings.sweep import (
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
 from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.exported_track import ExportedTrack
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, ExportedTrack, WeightSection
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
-from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 
 Values = dict[str, Any]
 
@@ -256,17 +254,6 @@ def with_a_reason(values: Values) -> Values:
     return values | {"flag": values["flag"] or ("" if values["value"] is not None else "too few answers")}
 
 
-def quartiles_in_order(values: Values) -> Values:
-    low, middle, high = sorted(values[name] for name in ("time_low", "time", "time_high"))
-    return values | {"time_low": low, "time": middle, "time_high": high}
-
-
-def a_verdict_that_follows(values: Values) -> Values:
-    if values["measured"] is None:
-        return values | {"met": None, "note": values["note"] or "no graphics processor"}
-    return values | {"met": values["measured"] <= values["target"]}
-
-
 def usable_rig(values: Values) -> Values:
     values = values | {"display": values["display"] or "bench", "bits": 8, "backlight": "simulated"}
     if isinstance(values["screen"], str):  # a headset has no backlight, and no corner
@@ -340,8 +327,6 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     Keys: keys_that_differ,
     Rig: usable_rig,
     Statistic: with_a_reason,
-    BenchmarkPoint: quartiles_in_order,
-    BenchmarkClaim: a_verdict_that_follows,
     RatingDesign: named_sequences,
     ComparisonDesign: named_sequences,
     SearchDesign: a_search_design,

@@ -6,6 +6,7 @@ import sys
 import time
 
 import pytest
+from machine_speed import slowness
 
 SLOW = {"numpy", "scipy", "pandas", "statsmodels", "matplotlib", "numba", "av", "jsonschema", "tomli_w"} | {
     "moderngl",
@@ -43,8 +44,8 @@ def test_records_are_light_to_import(module: str) -> None:
 
 @pytest.mark.slow
 def test_help_is_there_within_half_a_second() -> None:
-    """The target is 0.5 s of one core; the fastest of three, because the machine has other work."""
-    fastest = min(_time_of_help() for _ in range(3))
+    """The target is 0.5 s of one core, as fast as now; the fastest of three: there is other work."""
+    fastest = min(_time_of_help() / max(1.0, slowness()) for _ in range(3))
     assert fastest < 0.5
 
 

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import re
 import time
 from pathlib import Path
 from typing import Any
@@ -192,6 +193,40 @@ def test_a_power_model_is_one_whose_power_can_be_written_down() -> None:
         PowerModel("x", PanelKind.LCD, 1.0, power_per_luminance=1e308, peak_luminance=1e308)
     with pytest.raises(ValueError, match="blue_power_w must be at most 1e"):
         PowerModel("x", PanelKind.OLED, 1.0, red_power=1.0, blue_power=1e308)
+
+
+def test_a_choice_may_be_given_by_its_value() -> None:
+    assert PowerModel("mine", "lcd", 1.0, 0.002, 300.0).kind is PanelKind.LCD  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"kind": "nonsense"}, "kind: expected one of 'lcd', 'oled', got 'nonsense'"),
+        ({"kind": None}, "kind: expected one of 'lcd', 'oled', got null"),
+        ({"name": 3}, "name: expected text, got 3"),
+        ({"base_power": "1"}, "base_power_w: expected a number, got '1'"),
+        ({"base_power": True}, "base_power_w: expected a number, got true"),
+        ({"base_power": None}, "base_power_w: expected a number, got null"),
+        ({"base_power": 10**400}, "base_power_w: expected a number below 1.8e308"),
+        ({"provenance": {}}, "provenance: expected a Provenance or null, got a table"),
+        ({"peak_luminance": 0.0}, "an lcd power model needs"),
+    ],
+)
+def test_a_record_takes_only_what_its_fields_are(changes: dict[str, Any], words: str) -> None:
+    """Types, limits and the rules between fields are refused alike, with what would be right."""
+    values = {"name": "x", "kind": PanelKind.LCD, "base_power": 1.0, "power_per_luminance": 0.002}
+    with pytest.raises(InputError, match=f"^{re.escape(words)}"):
+        PowerModel(**(values | {"peak_luminance": 300.0} | changes))
+
+
+@pytest.mark.parametrize("factors", [[0.5, 1], np.array([0.5, 1.0]), np.array([0.5, 1.0], np.float32)])
+def test_numbers_may_be_lists_and_arrays(factors: Any) -> None:
+    """They become what a file would hold: tuples of Python's own numbers."""
+    made = RampDesign(factors=factors, repetitions=np.int64(3))
+    assert (made.factors, made.repetitions) == ((0.5, 1.0), 3)
+    assert {type(number) for number in made.factors} == {float}
+    assert type(made.repetitions) is int
 
 
 def test_no_ramp_ends_below_black() -> None:

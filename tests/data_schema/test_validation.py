@@ -216,7 +216,7 @@ def test_all_problems_of_a_file_are_told_in_one_go(dataset: Path) -> None:
     lines = [trial(0, factor=-1.0, response="?", simulated=3), trial(1, duration_s=0)]
     (dataset / TRIALS).write_text("".join(json.dumps(line) + "\n" for line in lines))
     assert problems_of(dataset)[:4] == [
-        f"{TRIALS}, line 1: factor: expected above 0, got -1.0",
+        f"{TRIALS}, line 1: factor: expected above 0, got -1",
         f"{TRIALS}, line 1: response: expected one of 'yes', 'no', 'first', 'second', got '?'",
         f"{TRIALS}, line 1: simulated: expected true or false, got 3",
         f"{TRIALS}, line 2: duration_s: expected above 0 s, got 0",

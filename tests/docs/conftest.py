@@ -2,15 +2,12 @@
 
 import contextlib
 import io
-import json
 import os
 import re
-import shutil
 import sys
 from collections.abc import Callable, Iterator
 from importlib.util import find_spec
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -25,7 +22,6 @@ from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS
 from evenlight.experiments.experiment_kinds import EXPERIMENTS
 
 WINDOW = "import os, sys; os.chdir({folder!r}); from evenlight import command; command.main(sys.argv[1:])"
-AUDIT = ("audit", "--out", "audit")
 MAKE = re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
 
 
@@ -69,8 +65,6 @@ def reader(
     before = list(sys.path)
 
     def run(*words: str) -> Any:
-        if words == AUDIT:
-            return _audited(command, shelf_folder / "audited")
         monkeypatch.setattr(sys, "stdin", io.StringIO("\n" * 100))  # Enter, whenever it is asked for
         if HERE in words:
             words = tuple(request.getfixturevalue("workers") if word == HERE else word for word in words)
@@ -116,19 +110,6 @@ def reader(
     for registry in (TASKS, EXPERIMENTS, ANALYSES):
         for name in set(registry) - set(BUILT_IN_TASKS):
             registry.pop(name)
-
-
-def _audited(command: Callable[..., Any], kept: Path) -> Any:
-    """Do an audit, which reads nothing of the reader's, for the first page; others get its results."""
-    said = kept / "said.json"
-    if kept.exists():
-        shutil.copytree(kept / "audit", "audit")
-        return SimpleNamespace(**json.loads(said.read_text()))
-    outcome = command(*AUDIT)
-    if not outcome.code:
-        shutil.copytree("audit", kept / "audit")
-        said.write_text(json.dumps(vars(outcome)))
-    return outcome
 
 
 def _expanded(word: str) -> list[str]:

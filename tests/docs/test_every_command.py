@@ -8,7 +8,7 @@ from command_variants import PARSED, in_real_time, parse, trial_of, unknown_in
 from page_commands import NOT_RUN, Step, first_word, named_in_prose, other_lines, pages, steps
 from reader_files import HAS
 
-from evenlight.help_examples import EXAMPLES
+from evenlight.help_pages import EXAMPLES
 
 pytestmark = pytest.mark.slow
 WITH_COMMANDS = [page for page in pages() if steps(page)]

@@ -7,7 +7,7 @@ from command_variants import in_real_time
 from page_commands import Step
 from reader_files import named
 
-from evenlight.help_examples import EXAMPLES
+from evenlight.help_pages import EXAMPLES
 
 pytestmark = pytest.mark.slow
 

@@ -7,11 +7,9 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign
-from evenlight.experiments.measured_light import LightRequest, record_light
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.sweeps.run_sweep import SweepRequest, run_sweep
 from evenlight.experiments.sweeps.sweep_devices import SweepLevel, SweepScreen
@@ -100,10 +98,3 @@ def test_a_sweep_is_rehearsed_in_a_headset(tmp_path) -> None:
     manifest = json.loads((ran.folder / "sweep.json").read_text())
     assert manifest["rig"]["screen"] == "simulated:openxr"
     assert manifest["apparatus"]["eye_size"] == "64 x 64 pixels"
-
-
-def test_the_delay_of_a_patch_is_not_measured_in_a_headset(tmp_path) -> None:
-    asked = LightRequest("simulated", None, 1.0, None, RIG, 4, 0.5, simulated=True)
-    with pytest.raises(InputError, match="is in a headset, and the patch is a corner of a screen"):
-        record_light(asked, tmp_path)
-    assert not list(tmp_path.iterdir())

@@ -11,13 +11,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from benchmarks.controller_tuning import frame_gains, stable_slope
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_dimming import LONGEST, LiveDimmer
 from evenlight.experiments.playback.walk_request import LiveRequest
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
-from evenlight.method.online.tuning import frame_gains, stable_slope
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import allowed_rate, largest_rate_ratio, modulation_rate, scalar_rate_limit
 

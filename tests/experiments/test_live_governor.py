@@ -23,7 +23,7 @@ from evenlight.experiments.playback.walk_request import (
     with_budget,
 )
 from evenlight.method.choices import LimitCurve
-from evenlight.method.online.control_curves import VideoGovernor, control_curves
+from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
 from evenlight.method.online.governor import GovernorSettings, HorizonErrors, frame_costs, governor_of
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
@@ -117,7 +117,7 @@ def test_with_prompt_losses_it_does_what_the_governor_does_offline(
     curves = make_curves(strength, luminance=luminance, frames_per_second=RATE)
     controller = Controller(ControllerSettings(0.05), LIMIT)
     costs = frame_costs(curves, budget.settings, OLED)
-    governed = VideoGovernor(governor_of(controller, budget.settings), costs)
+    governed = (governor_of(controller, budget.settings), costs)
     offline = control_curves(curves, controller, 0.6, None, governed)
     rows = walked(MadeUp(strength, luminance, 1), budget, 600, 0.05, 0.6)
     # Live, a frame's loss is known a refresh later, and its power when the next one appears.

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy import special
 
-from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
+from evenlight.analysis.calibration.psychometric import psychometric_fit as fit
 from evenlight.data_schema.recordings.ramp import Placement
 from evenlight.experiments.ramp.adaptive_placement import (
     CANDIDATES,
@@ -166,10 +166,5 @@ def test_the_choice_of_the_next_ramp_takes_well_under_five_milliseconds() -> Non
 
 
 def test_the_prior_is_that_of_the_fit() -> None:
-    fit = PsychometricPrior()
-    assert (
-        fit.width_median,
-        fit.width_spread,
-        fit.threshold_falloff,
-    ) == (WIDTH_MEDIAN, WIDTH_SPREAD, FALLOFF)
-    assert (fit.guess, fit.lapse) == (GUESS_PRIOR, LAPSE_PRIOR)
+    assert (fit.WIDTH_PRIOR, fit.THRESHOLD_FALLOFF) == ((WIDTH_MEDIAN, WIDTH_SPREAD), FALLOFF)
+    assert (fit.GUESS_PRIOR, fit.LAPSE_PRIOR) == (GUESS_PRIOR, LAPSE_PRIOR)

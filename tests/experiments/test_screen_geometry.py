@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from seen_points import project
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -39,8 +40,10 @@ def test_a_video_that_knows_its_angle_is_scaled_to_true_size() -> None:
     """A direction 10 degrees off lies 320 tan 10 pixels off in the video, and 2177 tan 10 on the display."""
     shown = seen(90.0)
     assert shown.pixels_per_degree == pytest.approx(DENSITY)
-    off = Camera((0.0, 0.0, 0.0), 0.0, field_of_view=90.0).project(
-        [[math.sin(math.radians(10)), math.cos(math.radians(10)), 0.0]], SIZE
+    off = project(
+        Camera((0.0, 0.0, 0.0), 0.0, field_of_view=90.0),
+        [[math.sin(math.radians(10)), math.cos(math.radians(10)), 0.0]],
+        SIZE,
     )[0, 0]
     assert (off - 320) * shown.scale == pytest.approx(FOCAL * math.tan(math.radians(10)))
 

@@ -15,14 +15,14 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import SolverName
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
-from evenlight.method.online.control_curves import VideoGovernor, control_curves
+from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.governor import GovernorSettings, frame_costs, governor_of
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import pairwise_spread, proximal_spread
 from evenlight.method.optimizer.optimize import Problem, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.preset_files import load_power_model
 from evenlight.method.rate_limit import largest_rate_ratio, rate_limit_at, scalar_rate_limit
 
@@ -200,7 +200,7 @@ def test_a_night_before_the_day_on_an_oled_panel_online(make_curves) -> None:
     asked = GovernorSettings(OLED.base_power + 0.5 * day, BudgetUnit.WATT, 20.0)
     curves = make_curves(np.full(1000, 0.2), luminance=light, frames_per_second=10.0)
     controller = Controller(ControllerSettings(0.03), lambda _: 1e9)
-    governed = VideoGovernor(governor_of(controller, asked), frame_costs(curves, asked, OLED))
+    governed = (governor_of(controller, asked), frame_costs(curves, asked, OLED))
     factors = control_curves(curves, controller, 0.5, None, governed).factors
     used = factors * day * light / 52.2
     assert np.convolve(used, np.ones(window) / window, "valid").max() < 0.6 * day

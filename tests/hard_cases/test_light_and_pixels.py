@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from benchmarks.curve_definition import loss_curves_by_definition
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import Frame
@@ -20,7 +21,6 @@ from evenlight.method.contrast.frame_light import convert_integers
 from evenlight.method.contrast.loss_curves import (
     analyze_frames,
     brightness_factors,
-    loss_curves_by_definition,
 )
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.contrast.masking import perceived_contrast

@@ -19,16 +19,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas  # noqa: F401 - here, so that its import is not on the clock of the first file that needs it
 import pytest
 from mutants import mutant
 
-from evenlight.analysis.measurement.played_power.power_recording import load_recording
-from evenlight.analysis.measurement.sweeps.sweep_loading import load_luminance_sweep, load_power_sweep
+from evenlight.analysis.played_power.power_recording import load_recording
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.session_loading import undamaged_roll
+from evenlight.analysis.sweeps.sweep_loading import load_sweep
 from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.export.psych_ds import export_psych_ds
+from evenlight.data_schema.export.exporting import export_psych_ds
 from evenlight.data_schema.importing.import_dataset import import_dataset
 from evenlight.data_schema.importing.import_mapping import ImportRequest, import_mapping
 from evenlight.data_schema.provenance import Provenance
@@ -43,9 +44,13 @@ from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.tables import read_rows, write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit, read_track
+from evenlight.data_schema.tracks.brightness_track import (
+    AllowanceSection,
+    BudgetUnit,
+    WeightSection,
+    read_track,
+)
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
-from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
 from evenlight.experiments import design_files
 from evenlight.experiments.design_files import load_sweep_design, load_task_design
 from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
@@ -61,7 +66,7 @@ from evenlight.hardware.rig_files import RIGS, load_rig
 from evenlight.method.choices import SolverName
 from evenlight.method.optimizer.optimize import optimize, pose
 from evenlight.method.optimizer.request import Request
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.preset_files import (
     PRESETS,
     load_contrast_model,
@@ -324,9 +329,9 @@ def kinds_in(root: Path) -> dict[str, Kind]:
         "clip.mkv": Kind(root, frames_of, 2),
         "arrays/frame.npy": Kind(root, lambda path: frames_of(path.parent)),
         "pictures/a.png": Kind(root, lambda path: frames_of(path.parent)),
-        f"{luminance}/readings.jsonl": Kind(root, lambda path: load_luminance_sweep(path.parent)),
-        f"{luminance}/sweep.json": Kind(root, lambda path: load_luminance_sweep(path.parent)),
-        f"{power_sweep}/readings.jsonl": Kind(root, lambda path: load_power_sweep(path.parent)),
+        f"{luminance}/readings.jsonl": Kind(root, lambda path: load_sweep(path.parent)),
+        f"{luminance}/sweep.json": Kind(root, lambda path: load_sweep(path.parent)),
+        f"{power_sweep}/readings.jsonl": Kind(root, lambda path: load_sweep(path.parent)),
         f"{power_sweep}/events.jsonl": Kind(root, lambda path: list(validate(path))),
         f"lab/{session}/trials.jsonl": ramps,
         f"lab/{session}/manifest.json": ramps,

@@ -16,7 +16,7 @@ from evenlight.method.optimizer.calm import calmed
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, feasible_blend, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
 
 
@@ -77,7 +77,7 @@ def test_the_bound_knows_that_a_limit_with_a_dip_can_be_jumped_over(make_curves)
 
 
 @pytest.mark.parametrize("budget", [0.2, 1.0])
-@pytest.mark.parametrize("name", [SolverName.SPLITTING, SolverName.SLSQP, SolverName.HIGHS])
+@pytest.mark.parametrize("name", [SolverName.SPLITTING, SolverName.SLSQP])
 def test_where_only_constant_dimming_fits_the_bound_is_its_objective(make_curves, budget, name) -> None:
     curves = make_curves([0.2, 0.5, 0.6, 0.3], luminance=[5, 10, 50, 100])
     limit = load_rate_limit("surace2025")

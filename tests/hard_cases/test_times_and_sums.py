@@ -27,7 +27,7 @@ from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import pairwise_spread, proximal_spread
 from evenlight.method.optimizer.optimize import feasible_blend, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
 from evenlight.method.rate_limit import largest_rate_ratio, modulation_rate, scalar_rate_limit
 from evenlight.stimuli.video.video_source import frame_times, uniform_times

@@ -26,7 +26,7 @@ from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summari
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.optimize import Problem, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.power import power
 from evenlight.method.rate_limit import largest_rate_ratio, scalar_rate_limit
 

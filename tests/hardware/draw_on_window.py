@@ -19,7 +19,7 @@ from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.rig_windows import open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
-from evenlight.stimuli.dithering import dithered_codes, thresholds_of
+from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
 from evenlight.stimuli.field_renderer import Field, FieldRenderer
 from evenlight.stimuli.page_image import page_image
 
@@ -60,7 +60,8 @@ def slow_ramp(window: PsychoPyWindow, rig: Rig, dither: Dither) -> dict[str, obj
     differing = []
     for frame in (0, 1, 150, len(read_back.frames) - 1):
         thresholds = thresholds_of(dither, SIZE[::-1], frame, SLOW.noise_seed)
-        expected = dithered_codes(shown.intended_luminance[frame], thresholds, LAB, rig.bits)
+        lower, share = neighbouring_codes(shown.intended_luminance[frame], LAB, rig.bits)
+        expected = lower + (thresholds < share)
         differing.append(int((read_back.frames[frame] != expected[..., np.newaxis]).sum()))
     return {
         "means": [mean_luminance(codes, rig.bits) for codes in read_back.frames],
@@ -79,7 +80,8 @@ def page(window: PsychoPyWindow, rig: Rig) -> int:
     renderer.draw(window.framebuffer(), Field(40.0, 3.0, coverage), 5, 2**32 - 1)
     wanted = 40.0 + coverage / 255 * (3.0 - 40.0)
     thresholds = thresholds_of(Dither.NOISY_BIT, SIZE[::-1], 5, 2**32 - 1)
-    expected = dithered_codes(wanted, thresholds, LAB, rig.bits)
+    lower, share = neighbouring_codes(wanted, LAB, rig.bits)
+    expected = lower + (thresholds < share)
     differing = int((window.read_codes() != expected[..., np.newaxis]).sum())
     middle = window.read_codes((101, 51))
     assert (middle == window.read_codes()[96:147, 110:211]).all()

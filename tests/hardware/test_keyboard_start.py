@@ -1,5 +1,6 @@
-"""PsychHID's thread starts while the interpreter's lock is held; elsewhere nothing is changed."""
+"""PsychHID's thread starts while the interpreter's lock is kept; elsewhere nothing is changed."""
 
+import os
 import sys
 import types
 from typing import Any
@@ -7,7 +8,9 @@ from typing import Any
 import pytest
 
 from evenlight.hardware.presentation import keyboard_start
-from evenlight.hardware.presentation.keyboard_start import safe_keyboard_start
+from evenlight.hardware.presentation.keyboard_start import LAST_WORDS, PATIENCE, safe_keyboard_start
+
+START_INTERVAL = sys.getswitchinterval()
 
 
 @pytest.fixture
@@ -26,47 +29,73 @@ def told(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
             assert name is None  # the process itself, with its C library
 
         def usleep(self, microseconds: int) -> None:
+            assert sys.getswitchinterval() > PATIENCE  # no other thread is given the lock
             asked.append(microseconds)
+            if len(asked) == 4:  # the third look
+                print(f"PsychHID: no {LAST_WORDS}")
 
     hid = types.ModuleType("psychtoolbox.hid")
     hid.Keyboard = Keyboard
     monkeypatch.setitem(sys.modules, "psychtoolbox", types.ModuleType("psychtoolbox"))
     monkeypatch.setitem(sys.modules, "psychtoolbox.hid", hid)
     monkeypatch.setattr(keyboard_start, "ctypes", types.SimpleNamespace(PyDLL=Library))
+    monkeypatch.setattr(sys, "platform", "linux")
     return asked
+
+
+@pytest.fixture
+def no_priority(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refused(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(os, "sched_setscheduler", refused)
 
 
 def open_keyboard() -> None:
     sys.modules["psychtoolbox.hid"].Keyboard().queue_start()
 
 
-def test_the_lock_is_held_until_the_thread_has_started(
-    told: list[Any], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.usefixtures("no_priority")
+def test_the_lock_is_kept_until_the_thread_has_spoken(
+    told: list[Any], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setattr(sys, "platform", "linux")
     with safe_keyboard_start():
         open_keyboard()
-    assert told == ["started", 200_000]  # 0.2 s
+    assert told == ["started", *[100_000] * 4]  # the last lets it finish
+    assert sys.getswitchinterval() == START_INTERVAL
+    assert capsys.readouterr().out == ""
     open_keyboard()
-    assert told[2:] == ["started"]
+    assert told[5:] == ["started"]
 
 
-def test_it_is_as_it_was_after_a_keyboard_that_does_not_open(
+@pytest.mark.usefixtures("no_priority")
+def test_a_thread_that_says_nothing_is_waited_for_in_vain(
     told: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(keyboard_start, "LAST_WORDS", "what it never says")
+    with safe_keyboard_start():
+        open_keyboard()
+    assert told == ["started", *[100_000] * 50]  # 5 s
+
+
+@pytest.mark.usefixtures("no_priority")
+def test_it_is_as_it_was_after_a_keyboard_that_does_not_open(told: list[Any]) -> None:
     with pytest.raises(OSError, match="no keyboard"), safe_keyboard_start():
         raise OSError("no keyboard")
     open_keyboard()
     assert told == ["started"]
 
 
-@pytest.mark.parametrize("lacking", ["Linux", "PsychHID"])
-def test_elsewhere_nothing_is_changed(told: list[Any], monkeypatch: pytest.MonkeyPatch, lacking: str) -> None:
-    monkeypatch.setattr(sys, "platform", "linux" if lacking == "PsychHID" else "win32")
+@pytest.mark.parametrize("here", ["another system", "no PsychHID", "priority is granted"])
+@pytest.mark.usefixtures("no_priority")
+def test_elsewhere_nothing_is_changed(told: list[Any], monkeypatch: pytest.MonkeyPatch, here: str) -> None:
     keyboard = sys.modules["psychtoolbox.hid"].Keyboard
-    if lacking == "PsychHID":
+    if here == "another system":
+        monkeypatch.setattr(sys, "platform", "win32")
+    elif here == "no PsychHID":
         monkeypatch.setitem(sys.modules, "psychtoolbox.hid", None)
+    else:
+        monkeypatch.setattr(os, "sched_setscheduler", lambda *_: None)
     with safe_keyboard_start():
         keyboard().queue_start()
     assert told == ["started"]

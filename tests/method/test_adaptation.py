@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from adapting_responses import response_differences
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate
@@ -16,7 +17,6 @@ from evenlight.method.adaptation import (
     cone_response,
     difference_samples,
     half_saturation,
-    response_differences,
     state_after,
     static_response,
     steady_pigment,

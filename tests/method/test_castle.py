@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.curve_definition import loss_curves_by_definition
 from evenlight.data_schema.contrast_model import ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
 from evenlight.method.contrast.csf import castle_sensitivity, contrast_sensitivity
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
-from evenlight.method.contrast.loss_curves import loss_curves_by_definition
 from evenlight.method.contrast.luminance import emitted_luminance
 
 CASTLE = SensitivityModel.CASTLE

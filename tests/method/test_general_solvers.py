@@ -1,11 +1,10 @@
-"""General solvers and starts: the pair sum's rows are exact, sizes are refused, an earlier track helps."""
+"""General solvers and starts: the pair sum's rows are exact, others agree, an earlier track helps."""
 
-import builtins
 import dataclasses
-import importlib.util
 
 import numpy as np
 import pytest
+from general_solvers import SequentialConvexSolver, by_clarabel, by_highs, comparators, pair_sum_rows
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import linprog
@@ -15,17 +14,16 @@ from evenlight.method.choices import SolverName
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import pairwise_spread, weight_of_pairs
 from evenlight.method.optimizer.optimize import is_feasible, optimize
-from evenlight.method.optimizer.solvers import comparators, make_solver, pair_sum_rows
 from evenlight.method.optimizer.splitting import (
     BLOCK,
     FAR_TO_NEAR,
     SplittingSolver,
     coarse_problem,
+    make_solver,
     refined_solution,
 )
 
-CLARABEL = importlib.util.find_spec("clarabel") is not None
-GENERAL = [SolverName.HIGHS, *([SolverName.CLARABEL] if CLARABEL else [])]
+GENERAL = [by_highs, by_clarabel]
 RNG = np.random.default_rng(0)
 
 
@@ -54,48 +52,28 @@ def test_the_least_cost_of_the_rows_is_the_pair_sum(n, even, seed) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", GENERAL)
-def test_a_general_solver_agrees_with_ours_on_convex_curves(make_curves, make_problem, name) -> None:
+@pytest.mark.parametrize("solver", GENERAL)
+def test_a_general_solver_agrees_with_ours_on_convex_curves(make_curves, make_problem, solver) -> None:
     share = 1 / (1 + np.exp(-np.linspace(-5, 5, 14)))
     curves = make_curves(0.2 + 0.5 * share, luminance=60 - 50 * share, frames_per_second=0.5)
     problem = make_problem(curves, 0.5)
     for importance in (None, 0.5 + share / share.mean() / 2):
         weighted = dataclasses.replace(problem, importance=importance)
-        theirs = optimize(weighted, make_solver(name, RNG))
+        theirs = optimize(weighted, SequentialConvexSolver(solver))
         ours = optimize(weighted, SplittingSolver())
         assert weighted.objective(theirs.factors) == pytest.approx(weighted.objective(ours.factors), abs=2e-5)
         assert lower_bound(weighted, theirs) <= weighted.objective(ours.factors) + 1e-12
 
 
-@pytest.mark.parametrize("name", GENERAL)
+@pytest.mark.parametrize("solver", GENERAL)
 @pytest.mark.parametrize("budget", [0.2, 0.2001, 0.9, 1.0])
 def test_a_general_solver_keeps_the_limits_near_the_ends_of_the_budget(
-    make_curves, make_problem, name, budget
+    make_curves, make_problem, solver, budget
 ) -> None:
     problem = make_problem(make_curves([0.1, 0.4, 0.3, 0.6, 0.0, 0.2], luminance=30.0), budget)
-    answer = optimize(problem, make_solver(name, RNG))
+    answer = optimize(problem, SequentialConvexSolver(solver))
     assert is_feasible(problem, answer.factors)
     assert problem.objective(answer.factors) <= problem.objective(problem.baseline())
-
-
-@pytest.mark.parametrize("name", GENERAL)
-def test_a_general_solver_refuses_a_long_video(make_curves, make_problem, name) -> None:
-    problem = make_problem(make_curves(np.full(400, 0.3)), 0.5)
-    with pytest.raises(
-        InputError, match=f"the solver {name.value} takes at most 250 frames, this video has 400"
-    ):
-        optimize(problem, make_solver(name, RNG))
-
-
-def test_a_missing_package_is_named_with_what_to_type(make_curves, make_problem, monkeypatch) -> None:
-    def without_clarabel(name, *rest, imported=builtins.__import__):
-        if name == "clarabel":
-            raise ImportError(name)
-        return imported(name, *rest)
-
-    monkeypatch.setattr(builtins, "__import__", without_clarabel)
-    with pytest.raises(InputError, match="pip install clarabel"):
-        optimize(make_problem(make_curves([0.2, 0.6]), 0.5), make_solver(SolverName.CLARABEL, RNG))
 
 
 def test_only_the_default_takes_a_start() -> None:

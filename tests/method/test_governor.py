@@ -13,7 +13,7 @@ from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.online.control_curves import ControlledTrack, VideoGovernor, control_curves
+from evenlight.method.online.control_curves import ControlledTrack, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
 from evenlight.method.online.governor import (
     PAYBACK,
@@ -47,9 +47,7 @@ def governed(
     model: PowerModel = LCD,
 ) -> ControlledTrack:
     costs = frame_costs(curves, budget, model)
-    return control_curves(
-        curves, controller, start, None, VideoGovernor(governor_of(controller, budget), costs)
-    )
+    return control_curves(curves, controller, start, None, (governor_of(controller, budget), costs))
 
 
 def largest_window_error(use: np.ndarray, budget: float, frames: int) -> float:
@@ -141,7 +139,7 @@ def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCu
         controller,
         0.5,
         None,
-        VideoGovernor(governor, [FrameCost(1.0, may, may, 1.0) for may in allowance]),
+        (governor, [FrameCost(1.0, may, may, 1.0) for may in allowance]),
     )
     assert held.factors[600:1200] == pytest.approx(0.2)
     assert held.budget_held[600:1199].all()
@@ -151,7 +149,7 @@ def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCu
         controller,
         0.2,
         None,
-        VideoGovernor(governor, [FrameCost(1.0, 0.5, 0.5, 1.0)] * 2400),
+        (governor, [FrameCost(1.0, 0.5, 0.5, 1.0)] * 2400),
     )
     back, as_new = (int(np.argmax(track.factors > 0.45)) for track in (held, fresh))
     assert back - 1200 < as_new + 100  # at most 10 s later

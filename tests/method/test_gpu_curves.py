@@ -10,6 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from benchmarks.curve_definition import loss_curves_by_definition
 from evenlight.data_schema.contrast_model import (
     BandFrequency,
     ContrastModel,
@@ -21,7 +22,7 @@ from evenlight.data_schema.contrast_model import (
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
-from evenlight.method.contrast.loss_curves import brightness_factors, loss_curves_by_definition
+from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.luminance import channel_means, emitted_luminance
 from evenlight.method.contrast.pyramid import band_frequencies, level_shapes
 from evenlight.method.gpu import one_pass

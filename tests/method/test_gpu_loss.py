@@ -10,13 +10,13 @@ from hard_pictures import frame_of, pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from evenlight.data_schema.contrast_model import ContrastModel, PixelToLuminance, SensitivityModel
+from evenlight.data_schema.contrast_model import ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.contrast_loss import contrast_loss
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.gpu.frame_loss import GpuLoss
-from evenlight.method.gpu.pyramid import FrameTexture, TextureContent
+from evenlight.method.gpu.pyramid import FrameTexture
 
 pytestmark = pytest.mark.slow
 
@@ -40,7 +40,7 @@ def texture(context, values, dtype):
 
 def levels(context, frame):
     """An 8-bit frame as a texture of levels."""
-    return FrameTexture(texture(context, frame, "u1"), TextureContent.LEVELS)
+    return FrameTexture(texture(context, frame, "u1"))
 
 
 def as_defined(frame, factor, display=HEADSET):
@@ -54,15 +54,13 @@ def test_loss_of_every_picture_equals_the_definition_to_a_thousandth(display):
         loss = GpuLoss(context, SHAPE, display)
         for number, (name, picture) in enumerate(pictures(SHAPE).items()):
             factor, frame = (0.2, 0.45, 0.9)[number % 3], frame_of(picture)
-            seen = loss.of_texture(levels(context, frame), factor)
+            seen = loss.of(levels(context, frame), factor)
             assert seen.loss == pytest.approx(as_defined(frame, factor, display), abs=1e-3), name
 
     in_context(test)
 
 
-@pytest.mark.parametrize(
-    "kind", ["u1", "u2 of ten bits", "f1", "f2", "f4", "linear f4", "four channels", "array"]
-)
+@pytest.mark.parametrize("kind", ["u1", "u2 of ten bits", "four channels", "array", "array of floats"])
 def test_all_textures_of_a_frame_give_its_loss(kind):
     def test(context):
         ten = (
@@ -71,29 +69,20 @@ def test_all_textures_of_a_frame_give_its_loss(kind):
             else None
         )
         unit = FRAME / 255 if ten is None else ten / 1023
-        encoded, tolerance = unit, 1e-3
         if kind == "array":
             frame = FRAME
+        elif kind == "array of floats":
+            frame = unit.astype(np.float32)
         elif kind == "u1":
             frame = levels(context, FRAME)
         elif kind == "four channels":
             four = np.concatenate([FRAME, np.full((*SHAPE, 1), 255, np.uint8)], axis=2)
             frame = levels(context, four)
-        elif ten is not None:
-            frame = FrameTexture(texture(context, ten, "u2"), TextureContent.LEVELS, levels=1024)
-        elif kind == "linear f4":
-            linear = (unit**HEADSET.gamma).astype(np.float32)
-            frame = FrameTexture(texture(context, linear, "f4"), TextureContent.LINEAR)
-        elif kind == "f1":
-            frame = FrameTexture(texture(context, FRAME, "f1"), TextureContent.ENCODED)
         else:
-            values = unit.astype({"f2": np.float16, "f4": np.float32}[kind])
-            encoded = values.astype(np.float64)
-            frame = FrameTexture(texture(context, values, kind), TextureContent.ENCODED)
-        loss = GpuLoss(context, SHAPE, HEADSET)
-        seen = (loss.of if kind == "array" else loss.of_texture)(frame, 0.4)
-        assert seen.loss == pytest.approx(as_defined(encoded, 0.4), abs=tolerance)
-        assert seen.mean_luminance == pytest.approx(emitted_luminance(encoded, HEADSET).mean(), rel=1e-5)
+            frame = FrameTexture(texture(context, ten, "u2"), levels=1024)
+        seen = GpuLoss(context, SHAPE, HEADSET).of(frame, 0.4)
+        assert seen.loss == pytest.approx(as_defined(unit, 0.4), abs=1e-3)
+        assert seen.mean_luminance == pytest.approx(emitted_luminance(unit, HEADSET).mean(), rel=1e-5)
 
     in_context(test)
 
@@ -103,28 +92,15 @@ def test_a_drawn_frame_is_turned_over():
 
     def test(context):
         loss = GpuLoss(context, SHAPE, HEADSET)
-        upright = loss.of_texture(levels(context, FRAME), 0.3)
+        upright = loss.of(levels(context, FRAME), 0.3)
         turned = dataclasses.replace(levels(context, FRAME[::-1]), from_below=True)
-        assert loss.of_texture(turned, 0.3) == upright
-        assert loss.of_texture(dataclasses.replace(turned, from_below=False), 0.3) != upright
+        assert loss.of(turned, 0.3) == upright
+        assert loss.of(dataclasses.replace(turned, from_below=False), 0.3) != upright
 
     in_context(test)
 
 
-def test_what_was_drawn_to_is_read_without_leaving_the_memory_of_the_graphics_processor():
-    def test(context):
-        drawn = context.texture(SHAPE[::-1], 4, dtype="f4")
-        context.framebuffer(drawn).clear(0.5, 0.5, 0.5, 1.0)
-        linear = FrameTexture(drawn, TextureContent.LINEAR, from_below=True)
-        seen = GpuLoss(context, SHAPE, HEADSET).of_texture(linear, 0.5)
-        assert seen.mean_luminance == pytest.approx(0.2 + 0.5 * 104.2, rel=1e-6)
-        assert seen.loss == 0
-
-    in_context(test)
-
-
-@pytest.mark.parametrize("content", [TextureContent.LINEAR, TextureContent.ENCODED])
-def test_what_is_not_a_number_is_dark_and_what_is_too_bright_is_the_peak(content):
+def test_what_is_not_a_number_is_dark_and_what_is_too_bright_is_the_peak():
     """What a renderer may leave behind; it must not spread over the pyramid."""
 
     def test(context):
@@ -139,10 +115,7 @@ def test_what_is_not_a_number_is_dark_and_what_is_too_bright_is_the_peak(content
         ):
             odd[pixel % 72, pixel], usual[pixel % 72, pixel] = strange, meant
         loss = GpuLoss(context, SHAPE, HEADSET)
-        seen, expected = (
-            loss.of_texture(FrameTexture(texture(context, values, "f4"), content), 0.4)
-            for values in (odd, usual)
-        )
+        seen, expected = (loss.of(values, 0.4) for values in (odd, usual))
         assert np.isfinite(seen.loss)
         assert seen == expected
 
@@ -169,7 +142,7 @@ def test_answers_come_in_the_order_of_the_questions():
         loss = GpuLoss(context, SHAPE, HEADSET)
         frames = [frame_of(picture) for picture in list(pictures(SHAPE).values())[:4]]
         factors = [0.3, 0.5, 0.7, 0.4]
-        at_once = [loss.of_texture(levels(context, f), b) for f, b in zip(frames, factors, strict=True)]
+        at_once = [loss.of(levels(context, f), b) for f, b in zip(frames, factors, strict=True)]
         late = []
         loss.start(levels(context, frames[0]), factors[0])
         for frame, factor in zip(frames[1:], factors[1:], strict=True):
@@ -203,17 +176,13 @@ def test_too_much_at_once_and_nothing_at_all_are_refused():
 
 def test_textures_that_cannot_be_read_are_refused():
     def test(context):
-        small = FrameTexture(context.texture((8, 9), 3, dtype="u1"), TextureContent.LEVELS)
+        small = FrameTexture(context.texture((8, 9), 3, dtype="u1"))
         with pytest.raises(InputError, match="the texture has 8 x 9 pixels; need 8 x 8"):
-            GpuLoss(context, (8, 8), HEADSET).of_texture(small, 0.5)
+            GpuLoss(context, (8, 8), HEADSET).of(small, 0.5)
         with pytest.raises(ValueError, match="need a texture of three or more channels"):
-            FrameTexture(context.texture((8, 8), 1, dtype="u1"), TextureContent.LEVELS)
-        with pytest.raises(ValueError, match="got 3 of f2 for levels"):
-            FrameTexture(context.texture((8, 8), 3, dtype="f2"), TextureContent.LEVELS)
-        linear = FrameTexture(context.texture((8, 8), 3, dtype="f2"), TextureContent.LINEAR)
-        luma = ContrastModel(pixel_to_luminance=PixelToLuminance.LUMA_FIRST)
-        with pytest.raises(InputError, match="linear values has no luma"):
-            GpuLoss(context, (8, 8), HEADSET, luma).of_texture(linear, 0.5)
+            FrameTexture(context.texture((8, 8), 1, dtype="u1"))
+        with pytest.raises(ValueError, match="got 3 of f2"):
+            FrameTexture(context.texture((8, 8), 3, dtype="f2"))
         authors = ContrastModel(sensitivity=SensitivityModel.AUTHORS)
         with pytest.raises(InputError, match="got 'authors'"):
             GpuLoss(context, (8, 8), HEADSET, authors)

@@ -13,7 +13,6 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import (
     ControlledTrack,
-    VideoGovernor,
     VideoLookahead,
     control_ahead,
     control_curves,
@@ -59,7 +58,7 @@ def pid(curves: LossCurves, budget: float, horizon: float = 60.0) -> ControlledT
     asked = GovernorSettings(budget, BudgetUnit.FACTOR, horizon)
     first = float(loss_and_slope(curves, np.full(curves.n_frames, budget))[0][0])
     controller = Controller(ControllerSettings(first), PAPER)
-    governed = VideoGovernor(governor_of(controller, asked), frame_costs(curves, asked, LCD))
+    governed = (governor_of(controller, asked), frame_costs(curves, asked, LCD))
     return control_curves(curves, controller, budget, None, governed)
 
 

@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from benchmarks.curve_definition import loss_curves_by_definition
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     BandFrequency,
@@ -26,7 +27,6 @@ from evenlight.method.contrast.frame_analysis import FrameAnalysis
 from evenlight.method.contrast.loss_curves import (
     analyze_frames,
     brightness_factors,
-    loss_curves_by_definition,
 )
 from evenlight.method.contrast.luminance import channel_means, dimmed_luminance, emitted_luminance
 from evenlight.method.contrast.one_pass import exp2, log2

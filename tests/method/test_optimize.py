@@ -14,7 +14,7 @@ from evenlight.method.optimizer.lower_bound import _rate_table, lower_bound
 from evenlight.method.optimizer.optimize import Problem, Solution, feasible_blend, optimize, pose
 from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.optimizer.slsqp import _slack, _slack_slope
-from evenlight.method.optimizer.solvers import make_solver
+from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.preset_files import load_power_model
 
 SOLVERS = [SolverName.SPLITTING, SolverName.SLSQP]  # test_general_solvers.py has the slower ones

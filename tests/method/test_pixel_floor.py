@@ -130,11 +130,11 @@ def frames_of_day_and_night() -> Iterator[Pixels]:
 
 
 def test_a_track_for_pixels_keeps_its_promises_and_says_what_it_is_for() -> None:
-    asked = {"display": PANEL, "frames_per_second": 5, "other_display_ok": True}
+    asked = {"display": PANEL, "fps": 5, "other_display_ok": True}
     track = evenlight.optimize(frames_of_day_and_night(), 0.5, actuator="pixels", **asked)  # type: ignore[arg-type] # mixed
     assert track.track.header.actuator is track.curves.actuator is Actuator.PIXELS
-    assert track.summary.achieved == pytest.approx(0.5, abs=1e-6)
-    assert track.summary.max_rate_ratio <= 1 + 1e-6
+    assert track.outcome.achieved == pytest.approx(0.5, abs=1e-6)
+    assert track.outcome.max_rate_ratio <= 1 + 1e-6
     assert track.objective <= track.objective_baseline
     usual = evenlight.optimize(frames_of_day_and_night(), 0.5, **asked)  # type: ignore[arg-type] # mixed
     assert usual.track.header.actuator is Actuator.BACKLIGHT

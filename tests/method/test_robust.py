@@ -1,14 +1,15 @@
 """The worst of several measures of loss is minimized, and certified."""
 
 import dataclasses
+from typing import get_type_hints
 
 import numpy as np
 import pytest
 from matplotlib.text import Text
 
 import evenlight
-from evenlight.analysis.track_options import ContrastModelOption
-from evenlight.analysis.tracks.objective_words import minimized_in_words
+from evenlight.analysis.tracks.dimming_options import DimmedOn
+from evenlight.analysis.tracks.track_words import outcome_in_words
 from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.measures import measures_named
 from evenlight.method.optimizer.calm import calmed
@@ -99,18 +100,18 @@ def test_a_robust_track_tells_what_it_does_by_each_measure() -> None:
     frames = [
         np.clip(0.5 + s * rng.standard_normal((24, 32, 1)), 0, 1).repeat(3, 2) for s in (0.05, 0.2, 0.4)
     ]
-    made = evenlight.optimize(frames, 0.5, frames_per_second=0.2, robust=("relative", "absolute"))
-    worst, each = made.summary.minimized, made.summary.by_measure
+    made = evenlight.optimize(frames, 0.5, fps=0.2, robust=True, measures="relative,absolute")
+    worst, each = made.outcome.minimized, made.outcome.by_measure
     assert [own.name for own in each] == ["relative", "absolute"]
-    assert made.summary.contrast_model == "relative"
+    assert made.outcome.contrast_model == "relative"
     assert each[0].value == pytest.approx(made.objective, abs=1e-12)
     assert worst.bound <= worst.value <= worst.baseline == 1
     assert made.gap == 1 - worst.bound / worst.value
     says = f"the worst of relative, absolute was minimized: {100 * worst.value:.1f} % of constant dimming's"
-    assert says in minimized_in_words(made.summary)
-    drawn = " ".join(text.get_text() for text in made.plot().findobj(Text))
+    assert says[1:] in outcome_in_words(made.outcome)
+    drawn = " ".join(text.get_text() for text in made.plot("track").findobj(Text))
     assert says[1:] in drawn
-    assert "measure_absolute" in made.summary.provenance.inputs
+    assert "measure_absolute" in made.outcome.provenance.inputs
 
 
 def test_what_makes_no_robust_track_is_refused_in_one_line(measures, make_curves, command, tmp_path) -> None:
@@ -122,8 +123,8 @@ def test_what_makes_no_robust_track_is_refused_in_one_line(measures, make_curves
         measures_named(["relative", "castel"])
     with pytest.raises(InputError, match="two measures or more, got 1"):
         measures(np.full((1, N), 0.1))
-    with pytest.raises(InputError, match="leave out loss curves"):
-        evenlight.optimize(make_curves(np.ones(4) / 2), 0.5, robust=("relative", "castle"))
+    with pytest.raises(InputError, match="leave out robust"):
+        evenlight.optimize(make_curves(np.ones(4) / 2), 0.5, robust=True, measures="relative,castle")
     for more, words in (
         (
             ("--robust", "--contrast-model", "as-printed", "--with", "b.mp4"),
@@ -142,4 +143,5 @@ def test_what_makes_no_robust_track_is_refused_in_one_line(measures, make_curves
 def test_the_help_lists_every_preset_of_the_contrast_model() -> None:
     presets = [path.name.partition(".")[0] for path in PRESETS.glob("*.contrast_model.toml")]
     assert presets
-    assert all(f" {name}" in ContrastModelOption.__metadata__[0].help for name in presets)
+    asked = get_type_hints(DimmedOn, include_extras=True)["contrast_model"]
+    assert all(f" {name}" in asked.__metadata__[0].help for name in presets)

@@ -8,7 +8,8 @@ import pytest
 from compute_shaders import own_context
 from hard_pictures import frame_of, pictures
 
-from evenlight.analysis.tracks.contrast_map_figure import contrast_map
+from benchmarks.curve_definition import loss_curves_by_definition
+from evenlight.analysis.tracks.contrast_map_figure import contrast_maps
 from evenlight.data_schema.contrast_model import ContrastModel, LossForm, MaskingNeighbourhood, Visibility
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -21,7 +22,6 @@ from evenlight.method.contrast.detection import SLOPE, detection_probability, sh
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
 from evenlight.method.contrast.loss_curves import (
     brightness_factors,
-    loss_curves_by_definition,
     make_frame_analysis,
 )
 from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
@@ -146,7 +146,7 @@ def test_the_graphics_processor_leaves_degrees_of_visibility_to_the_processor():
 
 def test_a_map_of_lost_contrast_shows_what_is_rather_detected_than_not():
     frame = frame_of(pictures(SHAPE)["photograph"])
-    hard, soft, shown = (contrast_map(frame, 0.3, HEADSET, model) for model in (HARD, SOFT, SHOWN))
+    hard, soft, shown = (contrast_maps(frame, [(0.3, None)], HEADSET, m)[0] for m in (HARD, SOFT, SHOWN))
     np.testing.assert_array_equal(soft.lost, hard.lost)
     assert hard.lost.any()
     emitted = emitted_luminance(frame, HEADSET)

@@ -12,10 +12,8 @@ from evenlight.data_schema.display import Display
 from evenlight.method.contrast.frame_analysis import FrameAnalysis, SpareArrays
 from evenlight.method.contrast.loss_curves import brightness_factors
 
-HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 ROOM = Display("room", 104.4, 0.2, 1.95, pixels_per_degree=72.28, reflected_luminance=2.0)
 FACTORS = brightness_factors(0.2, 3)
-SHAPE = (257, 257)  # its finest band is left for later
 
 
 @given(st.lists(st.sampled_from(["take", "give back", "give another's"])))
@@ -60,17 +58,13 @@ def test_threads_that_take_and_give_at_once_leave_no_more_than_one_for_each() ->
 
 
 @pytest.mark.parametrize("order", PixelToLuminance)
-@pytest.mark.parametrize("way", ["at once", "by definition", "fine bands later"])
+@pytest.mark.parametrize("way", ["at once", "by definition"])
 def test_the_analysis_of_many_frames_holds_as_much_as_that_of_one(way: str, order: PixelToLuminance) -> None:
     authors = SensitivityModel.AUTHORS if way == "by definition" else SensitivityModel.BARTEN
     model = ContrastModel(pixel_to_luminance=order, sensitivity=authors)
-    shape, display = (SHAPE, HEADSET) if way == "fine bands later" else ((16, 16), ROOM)
-    analysis = FrameAnalysis(shape, display, model, FACTORS)
+    analysis = FrameAnalysis((16, 16), ROOM, model, FACTORS)
     assert analysis.in_one_pass == (way != "by definition")
-    frame = np.random.default_rng(0).integers(0, 256, (*shape, 3), dtype=np.uint8)
+    frame = np.random.default_rng(0).integers(0, 256, (16, 16, 3), dtype=np.uint8)
     for _ in range(4):
-        if way == "fine bands later":
-            analysis.complete(analysis.begin(frame))
-        else:
-            analysis.of(frame)
+        analysis.of(frame)
         assert analysis._spare.held == 1

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.track_sections import AllowanceSection, WeightSection
+from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import order_weights, pairwise_spread, proximal_spread
 from evenlight.method.optimizer.optimize import clip_of, is_feasible, joined_curves, joints, optimize, pose

@@ -23,7 +23,7 @@ from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.rig_windows import open_held_keys, open_window
 from evenlight.hardware.simulated.clocks import RefreshClock
-from evenlight.stimuli.dithering import dithered_codes, thresholds_of
+from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
 from evenlight.stimuli.sequences import open_video
 
 LAB = Display("lab", 100.0, 0.2, 2.2, pixels_per_degree=60.0, reflected_luminance=0.5)
@@ -57,7 +57,8 @@ def wanted_codes(pixels: np.ndarray, factor: float, refresh: int, dither: Dither
     top, left = (SIZE[1] - height) // 2, (SIZE[0] - width) // 2
     luminance[top : top + height, left : left + width] = np.maximum(factor * emitted + 0.5, 0.7)
     thresholds = thresholds_of(dither, SIZE[::-1], refresh, 77)[..., np.newaxis]
-    return dithered_codes(luminance, thresholds, LAB, 8)
+    lower, share = neighbouring_codes(luminance, LAB, 8)
+    return lower + (thresholds < share)
 
 
 def stage_played(video: str) -> dict[str, object]:

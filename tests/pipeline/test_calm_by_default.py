@@ -7,9 +7,8 @@ import pytest
 
 import evenlight
 from evenlight.analysis.optimize_command import optimize as optimize_command
-from evenlight.analysis.reproduction.reproduction import Panel, _job
-from evenlight.analysis.wording import detection_in_words
-from evenlight.data_schema.power_model import PowerModel
+from evenlight.analysis.reproduction.reproduction import _job
+from evenlight.analysis.tracks.track_words import detection_in_words
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
@@ -29,16 +28,16 @@ def tracks(make_curves):
 
 def test_a_twentieth_of_the_gain_is_given_up_by_default(tracks) -> None:
     _, calm, exact = tracks
-    assert (calm.summary.calm, exact.summary.calm) == (0.05, 0.0)
+    assert (calm.outcome.calm, exact.outcome.calm) == (0.05, 0.0)
     assert inspect.signature(optimize_command).parameters["calm"].default == 0.05
     gain = exact.objective_baseline - exact.objective
     assert exact.objective < calm.objective <= exact.objective + 0.05 * gain
-    assert exact.summary.share_at_limit > 0.5
-    assert calm.summary.share_at_limit == 0
+    assert exact.outcome.share_at_limit > 0.5
+    assert calm.outcome.share_at_limit == 0
     for made in (calm, exact):
         near = np.abs(made.track.rate) > 0.9 * made.track.rate_limit  # frames last equally long
-        assert made.summary.share_near_limit == pytest.approx(near.mean())
-        assert f"{100 * near.mean():.0f} % of the time above 0.9" in detection_in_words(made.summary)
+        assert made.outcome.share_near_limit == pytest.approx(near.mean())
+        assert f"near its limit {100 * near.mean():.0f} % of the time" in detection_in_words(made.outcome)
 
 
 def test_without_calm_it_is_the_solvers_answer_to_the_bit(tracks) -> None:
@@ -49,11 +48,10 @@ def test_without_calm_it_is_the_solvers_answer_to_the_bit(tracks) -> None:
 
 
 def test_the_reproduction_solves_the_papers_problem() -> None:
-    power: PowerModel = load_power_model("surace2025")
-    panel = Panel(load_display("varjo-xr3"), power, load_rate_limit("surace2025"))
-    assert _job(built_in_sequence("sunrise", duration=1.0), 0.5, panel).calm == 0
+    display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
+    assert _job(built_in_sequence("sunrise", duration=1.0), 0.5, display, limit).calm == 0
 
 
 def test_what_the_published_limit_cannot_tell_is_null(tracks) -> None:
-    summary = tracks[1].summary
+    summary = tracks[1].outcome
     assert (summary.detectability, summary.windows, summary.windows_noticed) == (None, None, None)

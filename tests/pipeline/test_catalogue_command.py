@@ -7,15 +7,14 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-import numpy as np
 import pytest
-from catalogues import clip, cluster_here, contents, rows_of, slow_clip, written_at
+from catalogues import clip, cluster_here, contents, rows_of, written_at
 from loopback_server import served
 
 from evenlight import cluster
-from evenlight.analysis.catalogue import catalogue_run, results, shared
+from evenlight.analysis.catalogue import catalogue_results
 from evenlight.analysis.catalogue.entries import videos_of
-from evenlight.analysis.tracks.asked_track import AskedTrack
+from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.command import main
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueError
@@ -85,17 +84,17 @@ def test_one_bad_video_stops_no_other(catalogue, films, tmp_path):
 
 
 def test_a_defect_is_told_and_stops_no_other(catalogue, films, tmp_path, monkeypatch):
-    usual = results.run_optimization
+    usual = catalogue_results.run_optimization
 
     def breaks_at_b(job, folder):
         if job.source.name == "b":
             raise ZeroDivisionError("by hand\nin two lines")
         return usual(job, folder)
 
-    monkeypatch.setattr(results, "run_optimization", breaks_at_b)
+    monkeypatch.setattr(catalogue_results, "run_optimization", breaks_at_b)
     assert catalogue(films).code == 1
     [error] = read_rows(CatalogueError, tmp_path / "out" / "errors.csv")
-    assert error.error == f"{catalogue_run.DEFECT}: ZeroDivisionError: by hand in two lines"
+    assert error.error == f"{catalogue_results.DEFECT}: ZeroDivisionError: by hand in two lines"
     assert not (tmp_path / "out" / "b").exists()
     assert not list((tmp_path / "out").glob(".partial-*"))
 
@@ -123,7 +122,7 @@ def test_other_software_makes_all_again(catalogue, catalogued, tmp_path, monkeyp
     films = catalogued
     first = written_at(tmp_path / "out")
     other = {**cluster.software(), "numpy": "1.0"}
-    monkeypatch.setattr("evenlight.analysis.catalogue.keys.software", lambda: other)
+    monkeypatch.setattr("evenlight.analysis.catalogue.catalogue_results.software", lambda: other)
     assert catalogue(films).code == 0
     assert all(first[name] < when for name, when in written_at(tmp_path / "out").items())
 
@@ -136,59 +135,6 @@ def test_another_budget_takes_the_loss_curves_that_are_there(catalogue, catalogu
     )
     assert catalogue(films, budget=0.7).code == 0
     assert {row.budget for row in rows_of(tmp_path / "out").values()} == {0.7}
-
-
-def test_parts_that_are_there_are_not_made_again(catalogue, tmp_path, monkeypatch):
-    """As after a run that failed, or was killed, while it joined them; one of them is torn."""
-    video = slow_clip(tmp_path / "long.mkv")
-    with monkeypatch.context() as patch:
-        patch.setattr(results, "joined", lambda parts: 1 / 0)
-        assert catalogue(video, "--part-s", 10).code == 1
-    [kept] = (tmp_path / "out").glob(".parts-*")
-    curves = sorted(kept.glob("*.npz"))
-    assert len(curves) == 4
-    curves[1].write_bytes(b"torn")
-    made = []
-    usual = results.curves_of_part
-    monkeypatch.setattr(results, "curves_of_part", lambda *given: made.append(given[2]) or usual(*given))
-    monkeypatch.setattr(results, "new_contents", lambda *given: pytest.fail("read again"))
-    assert catalogue(video, "--part-s", 10).code == 0
-    assert len(made) == 1
-    assert not list((tmp_path / "out").glob(".p*"))
-
-
-@pytest.fixture
-def few_budgets(monkeypatch):
-    monkeypatch.setattr(shared, "BUDGETS", 3)
-
-
-@pytest.mark.usefixtures("few_budgets")
-def test_a_shared_budget_is_met_by_all_together(catalogue, catalogued, tmp_path):
-    films, out = catalogued, tmp_path / "out"
-    assert catalogue(films, "--shared-budget", budget=0.6).code == 0
-    rows = rows_of(out).values()
-    durations = np.array([row.duration for row in rows])
-    achieved = np.array([row.achieved for row in rows])
-    assert achieved @ durations / durations.sum() == pytest.approx(0.6, abs=1e-6)
-    assert np.ptp(achieved) > 0.001  # each has its own share
-    first = written_at(out)
-    assert catalogue(films, "--shared-budget", budget=0.6).code == 0
-    assert written_at(out) == first
-    assert "share one budget of 0.6" in (out / "report.html").read_text()
-
-
-@pytest.mark.usefixtures("few_budgets")
-@pytest.mark.parametrize("unit", ["power", "watt"])
-def test_a_shared_budget_of_power_is_met_by_all_together(catalogue, catalogued, tmp_path, unit):
-    films = catalogued
-    (films / "a.mkv").unlink()
-    budget = {"power": 0.8, "watt": 1.3}[unit]
-    assert catalogue(films, "--shared-budget", "--budget-unit", unit, budget=budget).code == 0
-    rows = rows_of(tmp_path / "out").values()
-    seconds = np.array([row.duration for row in rows])
-    power, full = (np.array([getattr(row, name) for row in rows]) for name in ("mean_power", "full_power"))
-    total = seconds @ power / (seconds @ full if unit == "power" else seconds.sum())
-    assert total == pytest.approx(budget, abs=1e-6)
 
 
 def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_path):
@@ -211,8 +157,13 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
         alone = (tmp_path / "out" / "a" / name).read_bytes()
         assert (tmp_path / "table" / "from-curves" / name).read_bytes() == alone
     assert sorted(p.name for p in (tmp_path / "table" / "from-curves").iterdir()) == [
-        "catalogue.json", "loss_curves.npz", "summary.json", "track.csv", "track.json", "track.png",
-    ]  # fmt: skip
+        "catalogue.json",
+        "loss_curves.npz",
+        "summary.json",
+        "track.csv",
+        "track.json",
+        "track.png",
+    ]  # fmt: skip; no request.toml: `optimize` is asked of a video
 
 
 @pytest.mark.parametrize(
@@ -220,9 +171,7 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
     [
         (["nowhere", "--budget", 0.5], "nowhere: no such file or folder"),
         (["{films}", "--budget", 1.5], "the budget 1.5 (factor) cannot be met"),
-        (["{films}", "--budget", 0.5, "--part-s", 1], "--part-s must lie in 10 to 86400, got 1"),
         (["{films}", "--budget", 0.5, "--display", "nosuch"], "nosuch"),
-        (["{films}", "--budget", 0.5, "--shared-budget", "--objective", "minimax"], "--shared-budget"),
         (["{table}", "--budget", 0.5], "the folder of two rows"),
         (["{badname}", "--budget", 0.5], "cannot be that of a folder"),
         (["{badcolumn}", "--budget", 0.5], "column"),
@@ -247,25 +196,25 @@ def test_films_of_one_name_get_folders_of_their_own(tmp_path):
     for name in names:
         (tmp_path / name).parent.mkdir(exist_ok=True)
         (tmp_path / name).write_bytes(b"of any kind")
-    found = videos_of(str(tmp_path), AskedTrack(0.5), tmp_path / "out")
+    found = videos_of(str(tmp_path), TrackRequest(budget=0.5), tmp_path / "out")
     assert len({one.name.casefold() for one in found}) == len(names)
     named = {Path(one.video).relative_to(tmp_path).as_posix(): one.name for one in found}
     assert (named["old/a.mkv"], named["b.mkv"], named["b.mp4"]) == ("old-a", "b.mkv", "b.mp4")
     (tmp_path / "new.mkv").write_bytes(b"of any kind")  # names of the others stay
-    again = videos_of(str(tmp_path), AskedTrack(0.5), tmp_path / "out")
+    again = videos_of(str(tmp_path), TrackRequest(budget=0.5), tmp_path / "out")
     assert {one.video: one.name for one in found}.items() <= {one.video: one.name for one in again}.items()
 
 
 def test_what_lies_in_the_folder_of_results_is_no_video(films):
     (films / "tracks").mkdir()
     shutil.copy(films / "a.mkv", films / "tracks" / "dimmed.mkv")
-    assert len(videos_of(str(films), AskedTrack(0.5), films / "tracks")) == 3
+    assert len(videos_of(str(films), TrackRequest(budget=0.5), films / "tracks")) == 3
 
 
 def test_workers_in_another_folder_find_all_files(films, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.display.toml").write_text("")
-    [first, *_] = videos_of("films", AskedTrack(0.5, display="own.display.toml"), Path("out"))
+    [first, *_] = videos_of("films", TrackRequest(budget=0.5, display="own.display.toml"), Path("out"))
     assert first.video == str(films / "a.mkv")
     assert first.asked.display == str(tmp_path / "own.display.toml")
     assert first.asked.rate_limit == "surace2025"
@@ -291,7 +240,7 @@ def test_a_row_that_names_another_film_is_made_again(catalogue, tmp_path):
 def monkeypatched_state(size: int) -> Iterator[None]:
     """All files have one size and one time of change."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(results, "file_state", lambda name: f"{size} 1000000000")
+        patch.setattr(catalogue_results, "file_state", lambda name: f"{size} 1000000000")
         yield
 
 
@@ -302,14 +251,11 @@ def test_a_name_that_is_no_text_has_a_link_too(catalogue, tmp_path):
     assert 'href="bad%FF/track.png"' in (tmp_path / "out" / "report.html").read_text()
 
 
-def test_videos_at_urls_come_out_as_from_files_also_in_parts(catalogue, tmp_path):
+def test_videos_at_urls_come_out_as_from_files(catalogue, tmp_path):
     films = tmp_path / "films"
     films.mkdir()
     clip(films / "a film.mkv", 0, 20)
-    slow_clip(films / "long.mkv")
     assert catalogue(films, out="files").code == 0
     with served(films) as server:
         assert catalogue(f"{server.url}/*.mkv", out="urls").code == 0
-        assert catalogue(f"{server.url}/long.mkv", "--part-s", 10, out="parts").code == 0
-    for out, name in (("urls", "a film"), ("urls", "long"), ("parts", "long")):
-        assert contents(tmp_path / out / name) == contents(tmp_path / "files" / name)
+    assert contents(tmp_path / "urls" / "a film") == contents(tmp_path / "files" / "a film")

@@ -1,11 +1,10 @@
-"""`evenlight catalogue` writes what `evenlight optimize` does, byte for byte, also in parts."""
+"""`evenlight catalogue` writes what `evenlight optimize` does, byte for byte."""
 
 import json
 
 import pytest
-from catalogues import clip, cluster_here, contents, rows_of, slow_clip
+from catalogues import clip, cluster_here, contents, rows_of
 
-from evenlight.analysis.catalogue import results
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueError
 
@@ -42,16 +41,3 @@ def test_each_video_gets_the_folder_that_optimize_writes(catalogue, command, tmp
     page = (tmp_path / "out" / "report.html").read_text()
     assert 'href="a/track.png"' in page
     assert "All 3 videos have a track" in page
-
-
-def test_a_long_video_is_analysed_in_parts_and_comes_out_the_same(catalogue, tmp_path):
-    video = slow_clip(tmp_path / "long.mkv")
-    assert catalogue(video, out="whole", budget=0.4).code == 0
-    done = []
-    usual = results.curves_of_part
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(results, "curves_of_part", lambda *given: done.append(given[2]) or usual(*given))
-        assert catalogue(video, "--part-s", 10, budget=0.4).code == 0
-    assert len(done) == 4
-    assert contents(tmp_path / "out" / "long") == contents(tmp_path / "whole" / "long")
-    assert not list((tmp_path / "out").glob(".p*"))

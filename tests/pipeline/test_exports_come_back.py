@@ -53,14 +53,14 @@ def results(ramps: Path, ratings: Path, blank_pictures: None) -> Path:
     """What a fit of the ramps and the sweep, and an analysis of the ratings give; made by the first test."""
     out = ramps / "results"
     if not out.exists():
-        run("fit", ramps / "lab", "--no-clip", "--out", out / "fit", "--quiet")
+        run("fit", ramps / "lab", "--out", out / "fit", "--quiet")
         run("analyze", ratings / "lab", "--out", out / "analyze", "--quiet")
     return out
 
 
 def test_a_fit_of_the_export_is_that_of_the_data_set(ramps: Path, results: Path, tmp_path: Path) -> None:
     """Of that of Psych-DS; that of BIDS holds the same files, as is shown below."""
-    run("fit", ramps / "psych-ds", "--no-clip", "--out", tmp_path, "--quiet")
+    run("fit", ramps / "psych-ds", "--out", tmp_path, "--quiet")
     tables = [path.relative_to(results / "fit") for path in (results / "fit").rglob("*.csv")]
     assert Path("thresholds.csv") in tables
     assert len(tables) > 1  # those of the sweep

@@ -19,11 +19,9 @@ import evenlight
 from evenlight import command as command_line
 from evenlight.analysis.calibration.calibration import calibrate
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.comparison.comparison_findings import comparison_findings
 from evenlight.analysis.dataset_findings import ANALYSES, AnalysisOptions, TaskAnalysis, task_findings
-from evenlight.analysis.findings import Findings
-from evenlight.analysis.integrity.concern import ConcernKind
-from evenlight.analysis.search.search_findings import search_findings
+from evenlight.analysis.integrity.concern import Concern, ConcernKind, cautious
+from evenlight.analysis.results import Analysis
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.recordings.dataset_layout import TRIALS
 from evenlight.data_schema.recordings.viewing import Version
@@ -71,16 +69,18 @@ def test_ours_always_second_is_the_first_thing_said_and_no_effect_of_the_version
     rated: Path, command: Callable[..., Any], blank_pictures: None, tmp_path: Path
 ) -> None:
     outcome = command("analyze", changed(rated, tmp_path / "data", ours_second), "--out", tmp_path / "out")
-    said = "in the ratings ours was shown second in all 48 pairs, so that an effect of the version and one of"
+    order = "in the ratings ours was shown second in all 48 pairs"
+    warned = f"{order}, so that an effect of the version and one of the order cannot be told apart"
+    said = f"Caution: {order}, so order and version cannot be told apart. Ours was rated"
     assert outcome.code == 0
-    assert outcome.err.splitlines()[0].startswith(f"evenlight: warning: {said}")
-    assert outcome.out.startswith(f"rating: Caution: {said}")
+    assert outcome.err.splitlines()[0] == f"evenlight: warning: {warned}"
+    assert outcome.out.startswith(f"rating: {said}")
     lead = lead_on_page(tmp_path / "out" / "report.html")
-    assert lead.startswith(f"Caution: {said}")
-    assert "but ours was always shown second: order and version cannot be told apart" in lead
+    assert lead.startswith(said)
+    assert lead.count("told apart") == 1
     assert "differ beyond chance" not in lead
     summary = json.loads((tmp_path / "out" / "analysis.json").read_text())
-    assert summary["warnings"][0].startswith(said)
+    assert summary["warnings"][0] == warned
     assert summary["leads"]["rating"] == lead
 
 
@@ -104,7 +104,7 @@ def test_nothing_wrong_is_nothing_said(
     rated: Path, command: Callable[..., Any], blank_pictures: None, tmp_path: Path
 ) -> None:
     assert command("analyze", rated, "--out", tmp_path / "out", "--quiet").code == 0
-    assert lead_on_page(tmp_path / "out" / "report.html").startswith("The details of ours")
+    assert lead_on_page(tmp_path / "out" / "report.html").startswith("Ours was rated")
 
 
 def test_swapped_keys_stand_first_in_the_report_of_a_fit(
@@ -117,7 +117,7 @@ def test_swapped_keys_stand_first_in_the_report_of_a_fit(
         return [row | {"response": other[row["response"]]} for row in rows] if who == "sub-02" else rows
 
     data = changed(tmp_path / "ramps", tmp_path / "data", swapped)
-    outcome = command("fit", data, "--no-clip", "--out", tmp_path / "out", "--quiet")
+    outcome = command("fit", data, "--out", tmp_path / "out", "--quiet")
     said = "participant 02 reported fast ramps less often than slow ones, as if the keys were swapped"
     assert outcome.code == 0
     assert outcome.err.splitlines()[0] == f"evenlight: warning: {said}"
@@ -165,15 +165,73 @@ def test_comparisons_and_searches_in_one_order_claim_no_effect_either() -> None:
         for k in range(17)
         for s, name in enumerate(made.NAMES)
     ]
-    lead = comparison_findings(made.data_of("comparison", compared)).lead
-    assert "its choice cannot be told from a leaning to that interval" in lead
+    lead = task_findings(made.data_of("comparison", compared), AnalysisOptions()).lead
+    assert lead.startswith("Caution: in the comparisons ours was shown second in ")
+    assert lead.count("cannot be told") == 1
     assert "differ from a coin" not in lead
     searched = [
         dataclasses.replace(trial, version=Version.OURS if trial.block == 1 else Version.BASELINE)
         for trial in made.searches(np.random.default_rng(5), 8)
     ]
-    lead = search_findings(made.data_of("search", searched)).lead
-    assert "But ours was always shown first: order and version cannot be told apart." in lead
+    lead = task_findings(made.data_of("search", searched), AnalysisOptions()).lead
+    assert lead.startswith("Caution: in the searches ours was shown first in all ")
+    assert lead.count("order and version cannot be told apart") == 1
+    assert "Where ours" not in lead
+
+
+def wrong_ratings() -> list[Any]:
+    """Ours always second, one rating twice, and four people who always give a 3."""
+    trials = [
+        dataclasses.replace(
+            trial,
+            place_in_pair=1 + (trial.version is Version.OURS),
+            rating=3 if trial.participant_id in ("00", "01", "02", "03") else 1 + trial.rating % 5,
+        )
+        for trial in made.ratings(np.random.default_rng(1))
+    ]
+    return [*trials, dataclasses.replace(trials[0], trial_index=50)]
+
+
+def wrong_comparisons() -> list[Any]:
+    """Ours always second, one comparison twice, and ours chosen in the first half of each session only."""
+    trials = [
+        made.comparison(k, made.NAMES[(k + s) % 4], 2, s < 2, (1, s)) for k in range(17) for s in range(4)
+    ]
+    return [*trials, dataclasses.replace(trials[0], trial_index=50)]
+
+
+def wrong_searches() -> list[Any]:
+    """Ours always first, one search twice, and a person who finds nothing."""
+    trials = [
+        dataclasses.replace(trial, version=Version.OURS if trial.block == 1 else Version.BASELINE)
+        for trial in made.searches(np.random.default_rng(5), 8)
+    ]
+    lost = {"found": False, "reported_orientation": None, "response_time": None}
+    trials = [
+        dataclasses.replace(t, **lost, search_time=t.time_limit) if t.participant_id == "00" else t
+        for t in trials
+    ]
+    return [*trials, dataclasses.replace(trials[-1], trial_index=500)]
+
+
+@pytest.mark.parametrize("wrong", [wrong_ratings, wrong_comparisons, wrong_searches])
+def test_a_lead_is_short_whatever_is_wrong_and_the_warnings_say_all(wrong: Callable[[], list[Any]]) -> None:
+    task = wrong.__name__.removeprefix("wrong_").removesuffix("s").replace("searche", "search")
+    found = task_findings(made.data_of(task, wrong()), AnalysisOptions())
+    assert len(found.concerns) >= 3
+    assert found.concerns[0].kind is ConcernKind.VERSION_ORDER
+    assert len(found.lead.split()) <= 60
+    assert found.lead.count("Caution") == found.lead.count("order and version cannot be told apart") == 1
+    assert found.warnings[: len(found.concerns)] == tuple(own.words for own in found.concerns)
+
+
+def test_what_is_wrong_is_named_by_its_kind_where_there_is_no_room_for_its_figures() -> None:
+    long = [Concern(kind, " ".join([f"words of {kind.name}"] * 5)) for kind in list(ConcernKind)[1:6]]
+    lead = cautious(long, "Ours is better " * 10)
+    assert lead.startswith(
+        f"Caution: {long[0].words}; more trials than the design has; and 3 more warnings. Ours"
+    )
+    assert len(lead.split()) <= 60
 
 
 @dataclasses.dataclass(frozen=True)
@@ -197,9 +255,9 @@ def test_a_registered_task_is_checked_by_its_columns(monkeypatch: pytest.MonkeyP
     )
     seen = []
 
-    def findings(data: Any, options: AnalysisOptions) -> Findings:
+    def findings(data: Any, options: AnalysisOptions) -> Analysis:
         seen.extend(data.trials)
-        return Findings("preference", "Something came out.", (), (), ())
+        return Analysis("preference", "Something came out.", (), (), ())
 
     monkeypatch.setitem(ANALYSES, "preference", TaskAnalysis("Preference", findings))
     twice = dataclasses.replace(rows[0], trial_index=9)
@@ -209,5 +267,5 @@ def test_a_registered_task_is_checked_by_its_columns(monkeypatch: pytest.MonkeyP
         ConcernKind.VERSION_ORDER,
         ConcernKind.REPEATED_ROWS,
     ]
-    assert found.cautious_lead.startswith("Caution: in the preferences ours was shown first in all 68 pairs")
+    assert found.lead.startswith("Caution: in the preferences ours was shown first in all 68 pairs")
     assert tuple(seen) == rows

@@ -11,10 +11,10 @@ from typing import Any
 
 import pytest
 
-from evenlight.analysis.measurement.played_power.device_saving import device_saving
+from evenlight.analysis.played_power.device_saving import device_saving
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.device_saving import DevicePass, DeviceSaving
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
+from evenlight.data_schema.recordings.played_power import DevicePass, DeviceSaving
 from evenlight.data_schema.storage.tables import read_rows, write_rows
 from evenlight.hardware import device_passes
 from evenlight.hardware.device_passes import PassRequest, _started, measure_passes

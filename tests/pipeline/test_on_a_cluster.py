@@ -21,14 +21,14 @@ import pytest
 import studies
 from catalogues import cluster_here
 from distributed import LocalCluster
-from moving_patterns import pattern, rated_often
+from moving_patterns import pattern
 
 from benchmarks import run as bench_run
 from evenlight import command as command_line
 from evenlight.analysis import plan_command
 from evenlight.analysis.dataset_findings import DatasetFindings
 from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
-from evenlight.analysis.plans import ramp_plan
+from evenlight.analysis.plans.questions import RampQuestion, SearchTruth
 from evenlight.analysis.reproduction import reproduction
 from evenlight.cluster import opened_cluster
 
@@ -68,9 +68,9 @@ def cluster() -> Iterator[LocalCluster]:
 @pytest.fixture(scope="module")
 def small_plans() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
-        patch.setitem(ramp_plan.EFFORTS, "quick", (5, 3))
-        patch.setitem(plan_command.RUNS, "search", 24)
-        patch.setattr(plan_command, "_processes", lambda: nullcontext(map))  # theirs are tested elsewhere
+        patch.setitem(RampQuestion.efforts, "quick", 5)
+        patch.setitem(SearchTruth.efforts, "quick", 6)
+        patch.setattr(plan_command, "SLOW", ())  # processes of its own are tested elsewhere
         yield
 
 
@@ -135,10 +135,10 @@ def test_a_reproduction_is_the_same_on_a_cluster(
 ) -> None:
     analysed = cache(reproduction._analysed)  # in this process alone: once is enough
 
-    def ramps_alone(plan: Any, simulate: Any, folder: Path, task: str, recorded: Any) -> DatasetFindings:
+    def ramps_alone(plan: Any, folder: Path, task: str, recorded: Any) -> DatasetFindings:
         if task != "ramp":
             return DatasetFindings()
-        found = analysed(plan, simulate, tmp_path, task, recorded)
+        found = analysed(plan, tmp_path, task, recorded)
         shutil.copytree(tmp_path / reproduction.CALIBRATION, folder / reproduction.CALIBRATION)
         return found
 
@@ -150,15 +150,12 @@ def test_a_reproduction_is_the_same_on_a_cluster(
         "VIEWING_TASKS": ("rating",),
     }.items():
         monkeypatch.setattr(reproduction, name, value)
-    plan = reproduction.ReproductionPlan(viewers=4, calibrators=3, sets=3, quick=True)
-    simulators = command_line._simulate, rated_often
+    plan = reproduction.ReproductionPlan(viewers=4, calibrators=3, quick=True)
     told: dict[str, list[str]] = {"here": [], "there": []}
     with marked_figures(QUICK_MARK):
-        here = reproduction.run_pipeline(plan, simulators, tmp_path / "here", told["here"].append)
+        here = reproduction.run_pipeline(plan, tmp_path / "here", told["here"].append)
         with opened_cluster(cluster.scheduler_address, quiet=True) as opened:
-            there = reproduction.run_pipeline(
-                plan, simulators, tmp_path / "there", told["there"].append, opened.mapped
-            )
+            there = reproduction.run_pipeline(plan, tmp_path / "there", told["there"].append, opened.mapped)
     assert files_of(tmp_path / "there") == files_of(tmp_path / "here")
     assert told["there"] == told["here"]
     for one, other in zip(returned(there), returned(here), strict=True):
@@ -168,10 +165,8 @@ def test_a_reproduction_is_the_same_on_a_cluster(
 def returned(made: reproduction.Reproduction) -> Iterator[Any]:
     """What a pipeline hands on, beside its files."""
     yield made.walk.loss
-    for effect in made.effects:
-        yield from (effect.estimates, effect.p_values, effect.as_picture, effect.assumed.value)
     for sequence in (*made.sequences, *made.examples):
-        yield from (sequence.unconstrained, sequence.baseline_loss, sequence.tracks.maps.luminance)
+        yield from (sequence.unconstrained, sequence.baseline_loss, np.stack(sequence.maps.emitted))
         yield from (pixels for _, pixels in sequence.samples)
 
 
@@ -179,7 +174,7 @@ def test_a_worker_that_does_not_see_the_folder_says_so(cluster: LocalCluster, tm
     with opened_cluster(cluster.scheduler_address, quiet=True) as opened:
         done = opened.submit(reproduction._done, False, tmp_path / "elsewhere", dict)
         with pytest.raises(reproduction.InputError, match="a folder that all workers share"):
-            opened.result_or_refusal(done)
+            opened.result(done)
 
 
 def test_a_subject_of_the_benchmarks_is_measured_by_a_worker(

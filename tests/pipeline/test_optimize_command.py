@@ -178,14 +178,6 @@ def test_the_results_validate(command, tmp_path) -> None:
     assert command("validate", tmp_path / "out").code == 0
 
 
-def test_fine_detail_of_a_pan_is_not_counted_in_every_frame(command, tmp_path) -> None:
-    still = np.clip(0.5 + 0.1 * np.random.default_rng(0).standard_normal((270, 384)), 0, 1)
-    source = video(tmp_path / "pan.mkv", [np.roll(still, 2 * k, axis=1) for k in range(12)])
-    _, summary = optimized(command, tmp_path, source, 0.5, "--jobs", 2)
-    assert summary["curves_tolerance"] == 0.001
-    assert 0 < summary["counted"] < 0.9
-
-
 def test_the_summary_says_how_the_track_was_made(command, tmp_path) -> None:
     clip = video(tmp_path / "v.mkv", [texture(1) * s for s in np.linspace(0.2, 1, 6)])
     options = [

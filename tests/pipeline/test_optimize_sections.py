@@ -2,13 +2,10 @@
 
 import json
 from itertools import combinations
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from evenlight.analysis.optimize_command import beyond_the_fitted
-from evenlight.analysis.tracks.optimization import FrameWeighting
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.tracks.brightness_track import read_track
 
@@ -81,37 +78,23 @@ def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, vi
 
 
 def test_a_clip_of_no_weight_has_figures_of_its_own(command, tmp_path, videos, monkeypatch) -> None:
-    drawn: list[FrameWeighting] = []
+    drawn: list[bool] = []
     monkeypatch.setattr(
-        "evenlight.analysis.tracks.track_results._draw", lambda *given: drawn.append(given[0].weighing)
+        "evenlight.analysis.tracks.track_results._draw", lambda *given: drawn.append(given[0].counts)
     )
     weights, out = tmp_path / "v.weights.csv", tmp_path / "out"
     weights.write_text("start_s,end_s,weight\n5,9,0\n")  # all of the second clip
     options = ("--with", videos[1], "--weights", weights, "--budget", 0.6, "--out", out)
     done = command("optimize", "--no-player", videos[0], *options)
     assert done.code == 0, done.err
-    assert "weighted by --weights" in done.out
+    assert "by their weights" in done.out
     own = json.loads((out / "02-b" / "summary.json").read_text())
     loss = read_track(out / "02-b" / "track.csv").contrast_loss
     pairs = [abs(a - b) for a, b in combinations(loss, 2)]
     assert own["objective"] == pytest.approx(np.mean(pairs), rel=1e-9)
     assert own["objective"] > 0
     assert own["weighted"] is False
-    assert drawn == [FrameWeighting.ALIKE, FrameWeighting.LEFT_OUT]
-
-
-@pytest.mark.parametrize(
-    ("allowance", "ratio", "words"),
-    [
-        (1.0, 1.0, ""),
-        (10.0, 8.7, "where allowances say so, up to 8.7 times the fitted limit"),
-        (10.0, 0.9, "nowhere beyond the fitted limit, though allowances go up to 10 times it"),
-    ],
-)
-def test_a_step_beyond_the_fitted_limit_is_told(allowance, ratio, words) -> None:
-    summary = SimpleNamespace(largest_allowance=allowance, max_rate_ratio_fitted=ratio)
-    assert beyond_the_fitted(summary).endswith(words)
-    assert bool(beyond_the_fitted(summary)) == bool(words)
+    assert drawn == [True, False]
 
 
 def test_an_earlier_track_may_be_the_start(command, tmp_path, videos) -> None:

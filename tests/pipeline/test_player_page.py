@@ -33,7 +33,8 @@ from made_player_page import (
 )
 from selenium.webdriver import ActionChains, Keys
 
-from evenlight.analysis.player.player_page import PlayerContent, Proxy, Tiles, player_html, write_player_page
+from evenlight.analysis.player.player_page import PlayerContent, player_html, write_player_page
+from evenlight.analysis.player.proxy_video import Proxy, Tiles
 from evenlight.data_schema.tracks.brightness_track import (
     write_track,
 )

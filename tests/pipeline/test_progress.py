@@ -10,7 +10,7 @@ from rich.progress import Progress as Bars
 
 import evenlight
 from evenlight import progress as progress_module
-from evenlight.progress import COMPILING, ProgressLines, counted, shown_progress
+from evenlight.progress import COMPILING, Progress, counted, shown_progress
 
 ROOT = Path(evenlight.__file__).resolve().parents[1]
 # A session's bar tells of the trials that are safe; it is watched by the operator.
@@ -33,9 +33,9 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def told(clock) -> tuple[ProgressLines, list[str]]:
+def told(clock) -> tuple[Progress, list[str]]:
     said: list[str] = []
-    return ProgressLines(said.append, clock), said
+    return Progress(Bars(get_time=clock, disable=True), said.append), said
 
 
 def test_what_takes_less_than_ten_seconds_says_nothing(told, clock) -> None:
@@ -97,6 +97,20 @@ def test_lines_go_to_standard_error_and_quiet_work_has_none(monkeypatch, capfd) 
     assert capfd.readouterr() == ("", "")
 
 
+def test_a_terminal_shows_a_bar_of_what_is_done(monkeypatch) -> None:
+    screen = StringIO()
+    terminal = Console(file=screen, force_terminal=True, width=80)
+    monkeypatch.setattr("rich.console.Console", lambda **_: terminal)
+    with shown_progress(quiet=False) as progress:
+        progress.step("rendering", 4)
+        progress.at(2)
+        with progress.aside("baking", 3) as done:
+            done(1)
+        terminal.print("")  # which draws the bars anew
+    assert "rendering" in screen.getvalue()
+    assert "2 of 4" in screen.getvalue()
+
+
 def test_work_that_tells_nothing_for_long_is_told_of_all_the_same(monkeypatch, capfd) -> None:
     monkeypatch.setattr(progress_module, "INTERVAL", 0.0)
     with shown_progress(quiet=False) as progress:
@@ -138,10 +152,10 @@ def test_long_work_deep_within_is_told_by_the_command_alone(monkeypatch, capsys)
         assert ("light" in capsys.readouterr().err) == told_by_default
 
 
-def bar_of(clock: Clock) -> tuple[progress_module._Bar, Bars]:
+def bar_of(clock: Clock) -> tuple[Progress, Bars]:
     """A bar that nobody sees, and what shows it."""
     bars = Bars(get_time=clock, console=Console(file=StringIO()), auto_refresh=False)
-    return progress_module._Bar(bars), bars
+    return Progress(bars), bars
 
 
 def test_the_time_left_is_estimated_from_the_frames_after_compiling_alone(clock) -> None:

@@ -12,17 +12,10 @@ def test_the_quick_design_goes_from_the_keys_to_a_limit(command, tmp_path: Path)
             "--simulate", "data", "--out", tmp_path / "lab", "--quiet",
         )  # fmt: skip
         assert ran.code == 0, ran.err
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "rate_limit_safe.json").write_text("{}")  # of an earlier calibration
-    result = command("fit", tmp_path / "lab", "--out", tmp_path / "out", "--no-clip", "--quiet")
+    result = command("fit", tmp_path / "lab", "--out", tmp_path / "out", "--quiet")
     assert result.code == 0, result.err
     assert "two levels make no curve" in " ".join(result.err.splitlines()[:2])
     assert (tmp_path / "out" / "thresholds.csv").read_text().count("\n") == 1 + 4
     limit = json.loads((tmp_path / "out" / "rate_limit.json").read_text())
     assert (limit["model"], limit["form"], len(limit["coefficients"])) == ("joint", "log_log", 2)
-    # Too few answers for use: no edge is written, and none of an earlier limit stays.
-    assert "the rate limit is not for use" in result.err.splitlines()[0]
-    report = (tmp_path / "out" / "report.html").read_text()
-    for name in ("rate_limit_safe.json", "rate_limit_log_log.json"):
-        assert not (tmp_path / "out" / name).exists()
-        assert name not in report
+    assert "the rate limit is not for use" in result.err.splitlines()[0]  # too few answers

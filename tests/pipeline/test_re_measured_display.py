@@ -58,7 +58,7 @@ class Laboratory:
 
     def fit(self) -> Any:
         out = self.folder / "fit"
-        return self.command("fit", self.dataset, "--out", out, "--degree", 1, "--no-clip", "--quiet")
+        return self.command("fit", self.dataset, "--out", out, "--degree", 1, "--quiet")
 
     def add_from(self, other: str, participant: str) -> None:
         """Put a session of another data set into this one, as a file manager does."""

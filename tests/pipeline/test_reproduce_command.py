@@ -3,9 +3,13 @@
 The sequences are small patterns here; rendering has tests of its own.
 """
 
+import json
+import re
 from contextlib import nullcontext
 from dataclasses import replace
+from html import escape
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,7 +19,9 @@ from report_pages import faults_at
 
 from evenlight import command as command_line
 from evenlight.analysis import reproduce_command
-from evenlight.analysis.reproduction import reproduction
+from evenlight.analysis.reproduction import reproduction, reproduction_report
+from evenlight.analysis.reproduction.published_beside import Dependence
+from evenlight.analysis.reproduction.reproduction_report import ReproductionResult, reproduction_result
 from evenlight.data_schema.analysis_results import AnalysisSummary, Origin, Statistic
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.dataset_writing import (
@@ -31,6 +37,7 @@ from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record, write_toml_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.experiments.simulate_command import simulate
 from evenlight.method.preset_files import load_display
 
 SEQUENCES = ("library", "gym", "living_room", "basement")
@@ -76,11 +83,19 @@ class ToldSteps(list[str]):
 
 
 STEPS_TOLD = ToldSteps()
+RESULTS: list[ReproductionResult] = []
+
+
+def kept(made: reproduction.Reproduction) -> ReproductionResult:
+    """Return a result as the command has it, and keep it for the tests."""
+    RESULTS.append(reproduction_result(made))
+    return RESULTS[-1]
 
 
 def reproduced(lab: Path, out: Path) -> None:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(reproduction, "built_in_sequence", pattern)
+        patch.setattr(reproduction_report, "reproduction_result", kept)
         patch.setattr(reproduce_command, "shown_progress", lambda quiet: nullcontext(STEPS_TOLD))
         with pytest.raises(SystemExit) as ended:
             command_line.main(["reproduce", "--quick", "--data", str(lab), "--out", str(out), "--quiet"])
@@ -100,7 +115,6 @@ def rows_of(folder: Path, part: str) -> list[Statistic]:
 
 def test_every_table_and_figure_of_the_paper_is_there(folder) -> None:
     for part in (
-        "at_a_glance",
         "slope_over_luminance",
         "detail_quality",
         "search",
@@ -126,33 +140,47 @@ def test_what_is_wrong_with_recorded_searches_is_the_first_thing_said(folder) ->
     assert any(words.startswith(said) for words in summary.warnings)
 
 
-def test_at_a_glance_says_of_each_number_what_makes_it(folder) -> None:
-    own = [
-        row for row in rows_of(folder, "at_a_glance") if row.origin not in (Origin.PUBLISHED, Origin.AUTHORS)
-    ]
-    made = {(row.what, row.flag.removeprefix("quick run; ").partition(":")[0]) for row in own}
-    assert made == {
-        ("rating, ours less constant", "circular"),
-        ("share that chose ours as the one that changed", "circular"),
-        ("lag of the cones, without rate limit over within it", "partly determined by published numbers"),
-        ("power saved, share of full brightness", "circular"),
-        ("SD of contrast loss, controller over constant", "partly determined by published numbers"),
-        ("optimization of 3000 frames [s]", "quick run"),
-        ("online, per frame [ms]", "quick run"),
+def test_the_report_begins_with_what_came_out_and_how_far_published_numbers_make_it(folder) -> None:
+    page = (folder / "report.html").read_text()
+    lead = page.split('<p class="lead">')[1].split("</p>")[0]
+    assert len(lead.split()) <= 60
+    cards = page.split('<ul class="key-figures">')[1].split("</ul>")[0]
+    # Slopes 8, Table 1 4 + 4, Table 2 4, Table 3 12, Figure 10 1; of searches no number is printed.
+    assert re.search(r"<b>\d+ of 33</b> published numbers met", cards)
+    assert "<b>0 of 33</b> of these are independent" in cards
+    assert "of 28 circular" in cards
+    assert "of 5 partly determined" in cards
+
+
+def test_each_number_beside_a_published_one_says_what_makes_it(folder) -> None:
+    kinds = [kind.value for kind in Dependence]
+    made = {
+        (row.what, kind)
+        for part in ("slope_over_luminance", "detail_quality", "adaptation", "power", "online")
+        for row in rows_of(folder, part)
+        for kind in kinds
+        if row.flag.removeprefix("quick run; ").startswith(f"{kind}: ")
     }
-    table = (folder / "report.html").read_text().partition("at a glance")[2].partition("</table>")[0]
-    assert ">same<" not in table.partition("power saved")[2].partition("SD of contrast loss")[0]
-    for words in ("circular", "partly determined by published numbers", "independent"):
-        assert f"<td>{words}</td>" in table
-
-
-def test_the_times_that_the_paper_states_stand_beside_ours(folder) -> None:
-    rows = [row for row in rows_of(folder, "at_a_glance") if row.unit in ("s", "ms")]
-    printed = {row.what: row.value for row in rows if row.origin is Origin.PUBLISHED}
-    # Section 3.5: 3000 frames take around three minutes. Section 6: an overhead of around 25 ms.
-    assert printed == {"optimization of 3000 frames [s]": 180.0, "online, per frame [ms]": 25.0}
-    ours = {row.what for row in rows if row.origin is Origin.MEASURED and (row.value or 0) > 0}
-    assert ours == set(printed)
+    assert made == {
+        ("rate limit", "circular"),
+        ("mean difference, ours less baseline", "circular"),
+        ("ours chosen", "circular"),
+        ("lag of the cones, without a rate limit over within it", "partly determined"),
+        ("average power, constant", "circular"),
+        ("average power, ours", "circular"),
+        ("average power, full brightness", "circular"),
+        ("SD of the controller / SD of constant dimming", "partly determined"),
+    }
+    page = (folder / "report.html").read_text()
+    for table in (
+        "Ratings of details",
+        "Fastest change",
+        "Table 2",
+        "Average power",
+        "Contrast loss over time",
+    ):
+        own = page.partition(f"<caption>{table}")[2].partition("</table>")[0]
+        assert re.search("<td>(circular|partly determined)</td>", own), table
 
 
 def test_a_quick_run_says_so_on_every_page_and_in_every_table(folder) -> None:
@@ -167,8 +195,8 @@ def test_a_quick_run_says_so_on_every_page_and_in_every_table(folder) -> None:
 
 
 def test_every_step_is_told_with_its_number(folder) -> None:
-    # Calibration, 6 tracks, walk, 3 tasks, small pictures, many sets of the 2 simulated tasks, tables.
-    numbers = [f"step {k} of 15" for k in range(1, 15)]
+    # Calibration, 6 tracks, walk, 3 tasks, tables.
+    numbers = [f"step {k} of 12" for k in range(1, 12)]
     assert [words.partition(",")[0] for words in STEPS_TOLD] == [*numbers, "the last step"]
 
 
@@ -204,41 +232,39 @@ def test_every_number_of_the_table_of_the_report_is_in_a_table_of_its_own(folder
         assert f">{row.value:.3g}<" in page, row
 
 
-def test_sequences_are_analysed_at_a_headsets_field_of_view_and_as_a_small_picture(folder) -> None:
+def test_from_python_a_reproduction_answers_as_every_analysis(folder) -> None:
+    (result,) = RESULTS
+    assert {path.stem for path in (folder / "figures").glob("*.png")} == set(result.figures)
+    table = result.to_frame()
+    for part in result.parts:
+        assert (table["part"] == part.name).sum() == len(rows_of(folder, part.name))
+    lead, cards = result.first_lines
+    assert result.summary().startswith(lead)
+    assert len(cards) == 4
+    assert f"<h1>{escape(result.heading)}</h1>" in (folder / "report.html").read_text()
+
+
+def test_sequences_are_analysed_at_a_headsets_field_of_view(folder) -> None:
     # 64 pixels over 90 degrees: the picture plane is 32 pixels away, and a degree 32 · π / 180 pixels there.
     for name in SEQUENCES:
-        headset, picture = (
-            read_loss_curves(folder / "pipeline" / stimuli / name / "loss_curves.npz").display
-            for stimuli in ("stimuli", "stimuli_as_picture")
-        )
-        assert headset.pixels_per_degree == pytest.approx(32 * np.pi / 180)
-        track = read_track(folder / "pipeline" / "stimuli" / name / "track.csv")
-        assert track.header.pixels_per_degree == headset.pixels_per_degree
-        # The angle of 160 pixels on the display, in which the pattern has 64.
-        assert picture.pixels_per_degree == pytest.approx(72.28 * 64 / 160)
+        stimulus = folder / "pipeline" / "stimuli" / name
+        display = read_loss_curves(stimulus / "loss_curves.npz").display
+        assert display.pixels_per_degree == pytest.approx(32 * np.pi / 180)
+        assert read_track(stimulus / "track.csv").header.pixels_per_degree == display.pixels_per_degree
 
 
 def test_what_is_assumed_stands_beside_what_is_published_and_estimated(folder) -> None:
     rows = [row for row in rows_of(folder, "simulated_viewers") if row.group == "gym"]
     values = {row.what: row.value for row in rows if row.origin is Origin.SIMULATED}
-    for effect in ("mean rating, ours less baseline", "chance of choosing ours"):
-        for what in ("assumed", "assumed, as a picture", "estimate of the data set shown"):
-            assert f"{effect}: {what}" in values
-        (mean,) = (row for row in rows if row.what == f"{effect}: mean of the estimates")
-        assert mean.n == 10  # data sets with --quick
-    # What is lost of detail, and so what raters are assumed to tell apart, depends on how large it is seen.
-    rated = [values[f"mean rating, ours less baseline: {at}"] for at in ("assumed", "assumed, as a picture")]
-    assert abs(rated[0] - rated[1]) > 0.01
-    # The data set that the report shows is the first of them.
-    shown = {row.what: row.value for row in rows_of(folder, "rating") if row.group == "gym"}
-    assert values["mean rating, ours less baseline: estimate of the data set shown"] == pytest.approx(
-        shown["mean difference, ours less baseline"]
-    )
-    assert not [row for row in rows if row.what.startswith("ratio of search times")]  # which were recorded
+    # Ratings and comparisons; searches were recorded.
+    assert set(values) == {"mean rating, ours less baseline: assumed", "chance of choosing ours: assumed"}
+    truth = json.loads((folder / "pipeline" / "data" / "rating" / "simulated_truth.json").read_text())
+    (rated,) = [own["value"] for own in truth["assumed"] if own["group"] == "gym"]
+    assert values["mean rating, ours less baseline: assumed"] == pytest.approx(rated)
     printed = {row.what: row.value for row in rows if row.origin is Origin.PUBLISHED}
     assert printed["mean rating, ours less baseline"] == pytest.approx(3.71 - 3.23)  # Table 1
     page = (folder / "report.html").read_text()
-    for words in ("What the simulated viewers reproduce of the paper", "Assumed and estimated"):
+    for words in ("What the simulated viewers are assumed to show", "Assumed and estimated"):
         assert f">{words}" in page
 
 
@@ -271,20 +297,21 @@ def test_what_cannot_be_used_is_refused_in_one_line(lab, command, tmp_path) -> N
     assert not (tmp_path / "out").exists()
 
 
-def test_simulated_participants_look_at_the_display_that_is_named(tmp_path) -> None:
+def test_simulated_participants_look_at_the_display_that_is_named(tmp_path, monkeypatch) -> None:
     desk = replace(load_display("varjo-xr3"), name="desk", peak_luminance=120.0)
     path = tmp_path / "desk.toml"
     write_toml_record(path, desk)
     asked: list[str] = []
 
-    def simulate(task: str, out: Path, people: tuple[int, int], display: str, stimuli: Path | None) -> None:
+    def calibrated(task: str, out: Path, people: int, seed: int, display: str, **more: Any) -> None:
         asked.append(display)
-        command_line._simulate(task, out, (1, people[1]), display, stimuli)
+        simulate(task, out, people, seed, display, **more)
         raise KeyboardInterrupt  # the calibration is enough
 
-    plan = reproduction.ReproductionPlan(display=str(path))
+    monkeypatch.setattr(reproduction, "simulate", calibrated)
+    plan = reproduction.ReproductionPlan(display=str(path), calibrators=1)
     with pytest.raises(KeyboardInterrupt):
-        reproduction.run_pipeline(plan, (simulate, command_line._repeat_viewing), tmp_path / "pipeline")
+        reproduction.run_pipeline(plan, tmp_path / "pipeline")
     assert asked == [str(path)]
     (manifest,) = (tmp_path / "pipeline").rglob("manifest.json")
     assert read_json_record(SessionManifest, manifest).display == desk

@@ -53,7 +53,7 @@ def test_the_file_of_a_sequence_gives_its_track(sequence, rendered) -> None:
     of_file, of_sequence = evenlight.optimize(rendered, 0.5), evenlight.optimize(sequence, 0.5)
     np.testing.assert_array_equal(of_file.factors, of_sequence.factors)
     for made in (of_file, of_sequence):
-        assert made.track.header.field_of_view == made.summary.field_of_view == 90
+        assert made.track.header.field_of_view == made.outcome.field_of_view == 90
         assert made.track.header.pixels_per_degree == pytest.approx(DENSITY)
 
 
@@ -127,7 +127,7 @@ def test_the_controller_sees_what_the_optimizer_sees(command, rendered, tmp_path
 def test_a_render_loop_names_the_field_of_view_of_its_frames(sequence, degrees) -> None:
     """At 90 degrees the display has more pixels than the frame; at 0.5 it has 36 of its 96."""
     frames = [frame.pixel_values for frame in sequence.frames()]
-    curves = evenlight.loss_curves(frames, frames_per_second=5.0, field_of_view=degrees, tolerance=0)
+    curves = evenlight.loss_curves(frames, fps=5.0, field_of_view=degrees)
     knot = len(curves.factors) // 2
     online = evenlight.OnlineController(0.05, field_of_view=degrees, start_factor=curves.factors[knot])
     for _ in range(2):  # the first frame's loss is read from its curve, the second's measured at the factor

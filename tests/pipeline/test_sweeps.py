@@ -7,7 +7,7 @@ import os
 import pytest
 from warm_evenlight import Run
 
-from evenlight.analysis.measurement.sweeps.sweep_report import fit_sweep
+from evenlight.analysis.sweeps.sweep_report import fit_sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.recordings.rig import Rig

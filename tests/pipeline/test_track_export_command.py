@@ -16,13 +16,13 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.exported_track import ExportedTrack
+from evenlight.data_schema.tracks.brightness_track import ExportedTrack
 
 FRAMES, RATE = 60, 10.0
 GRAY = 255 * (188 - 16) / 219
 FACTORS = 0.4 + 0.5 * np.arange(FRAMES) / FRAMES
 GAMMA = 1.95  # of the display that these tracks are made for, varjo-xr3
-NAMES = {"ffmpeg": "film.ffmpeg", "mpv": "film.lua", "json": "film.exported_track.json", "edl": "film.edl"}
+NAMES = {"ffmpeg": "film.ffmpeg", "mpv": "film.lua", "json": "film.exported_track.json"}
 
 
 @pytest.fixture
@@ -67,19 +67,19 @@ def test_bad_input_ends_in_one_line(command: Any, track: Path, tmp_path: Path) -
         assert (ended.code, ended.out, ended.err.count("\n")) == (2, "", 1)
         return str(ended.err)
 
-    out, file = tmp_path / "x.edl", tmp_path / "file"
+    out, file = tmp_path / "x.ffmpeg", tmp_path / "file"
     assert "'vlc' is not one of" in refused("--to", "vlc", "--out", out)
-    assert "no such brightness track" in refused("--to", "edl", "--out", out, of=tmp_path / "none")
+    assert "no such brightness track" in refused("--to", "ffmpeg", "--out", out, of=tmp_path / "none")
     assert "mpv knows scripts by their ending; give a name in .lua" in refused("--to", "mpv", "--out", out)
     assert "give the name of a file" in refused("--to", "json", "--out", tmp_path)
     file.write_text("")
-    assert f"cannot write {file / 'x.edl'}" in refused("--to", "edl", "--out", file / "x.edl")
+    assert f"cannot write {file / 'x.ffmpeg'}" in refused("--to", "ffmpeg", "--out", file / "x.ffmpeg")
     header = json.loads((track / "track.json").read_text())
     (track / "track.json").write_text(
         json.dumps(header | {"display_fingerprint": "other", "display_name": "oled"})
     )
-    assert "does not hold its display 'oled'" in refused("--to", "edl", "--out", out)
-    said = refused("--to", "edl", "--out", out, "--display", "varjo-xr3")
+    assert "does not hold its display 'oled'" in refused("--to", "ffmpeg", "--out", out)
+    said = refused("--to", "ffmpeg", "--out", out, "--display", "varjo-xr3")
     assert "made for the display 'oled', and here is 'varjo-xr3'" in said
     assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "film-track"]
 

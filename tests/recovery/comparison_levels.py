@@ -18,8 +18,9 @@ from studies import Mapped, run_study
 
 from evenlight.analysis.comparison.comparison_results import choice_model
 from evenlight.analysis.comparison.comparison_shares import Choices, estimate_share
-from evenlight.analysis.inference.binomial_power import difference_power, equivalence_power, interval_coverage
-from evenlight.analysis.plans.viewing_plan_comparison import ComparisonTruth, person_in_the_middle
+from evenlight.analysis.inference.binomial_tests import difference_power, equivalence_power, interval_coverage
+from evenlight.analysis.plans.questions import ComparisonTruth
+from evenlight.analysis.plans.viewing_plan import person_in_the_middle
 from evenlight.data_schema.recordings.ramp import Response
 from evenlight.data_schema.recordings.viewing import ComparisonTrial
 
@@ -54,9 +55,11 @@ def pooled_rates(truth: ComparisonTruth, share: float, runs: int, seed: int) -> 
         estimate_share(Choices(people, chosen, answers), truth.margin)
         for chosen in drawn_counts(truth, share, runs, seed)
     ]
-    intervals = [one.interval for one in found if one.interval is not None]
+    intervals = [
+        (one.difference.ci_low, one.difference.ci_high) for one in found if one.difference.ci_low is not None
+    ]
     return Rates(
-        difference=float(np.mean([one.p_value <= 0.05 for one in found])),
+        difference=float(np.mean([one.difference.p_value <= 0.05 for one in found])),
         equivalence=float(np.mean([one.equivalent for one in found])),
         coverage=float(np.mean([low <= share <= high for low, high in intervals])),
         unknown=1 - len(intervals) / runs,

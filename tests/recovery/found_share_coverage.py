@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 from studies import Mapped, run_study
 
-from evenlight.analysis.search.search_shares import clustered_share
+from evenlight.analysis.search.search_pairs import clustered_share
 
 PEOPLE = (2, 5, 10, 17)
 CORRELATIONS = (0.0, 0.05, 0.3, 0.7, 0.97)

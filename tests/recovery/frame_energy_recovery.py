@@ -9,12 +9,12 @@ import dataclasses
 from functools import partial
 
 import numpy as np
-from played_power_truth import Conditions, play
+from played_power_truth import Conditions, play, times_of
 from studies import Mapped, run_study
 
-from evenlight.analysis.measurement.played_power.clock_fit import fit_clock
-from evenlight.analysis.measurement.played_power.clock_line import line_of
-from evenlight.analysis.measurement.played_power.pass_power import FrameSpans, frame_energies, frame_spans
+from evenlight.analysis.played_power.clock_fit import fit_clock
+from evenlight.analysis.played_power.clock_line import line_of
+from evenlight.analysis.played_power.pass_power import frame_energies
 from evenlight.data_schema.arrays import Array
 
 CLOCKS = {
@@ -49,15 +49,15 @@ def _row(playings: int, name: str, conditions: Conditions) -> str:
     for seed in range(playings):
         truth = play(conditions, np.random.default_rng(seed))
         recording = truth.recording
-        spans = frame_spans(recording.flips, conditions.refresh_rate)
-        true = truth.energy(spans.ended) - truth.energy(spans.begun)
+        line = line_of(fit_clock(recording))
+        frames = frame_energies(recording.samples, recording.flips, conditions.refresh_rate, line)
+        begun, ended = times_of(frames)
+        true = truth.energy(ended) - truth.energy(begun)
         if name == "none":
             energy = _unsynchronised(
-                recording.samples.received[0], recording.samples.power, conditions, spans
+                recording.samples.received[0], recording.samples.power, conditions, begun, ended
             )
         else:
-            line = line_of(fit_clock(recording))
-            frames = frame_energies(recording.samples, spans, line)
             energy = np.array([np.nan if frame.energy is None else frame.energy for frame in frames])
             played = recording.flips.flip[[0, -1]]
             off.append(np.abs(truth.to_computer(line.to_meter(played)) - played).max())
@@ -73,11 +73,11 @@ def _row(playings: int, name: str, conditions: Conditions) -> str:
     )
 
 
-def _unsynchronised(first: float, power: Array, conditions: Conditions, spans: FrameSpans) -> Array:
+def _unsynchronised(first: float, power: Array, conditions: Conditions, begun: Array, ended: Array) -> Array:
     """Return energies by samples taken as evenly spaced from the first arrival, each as an instant."""
     times = first + np.arange(len(power)) / conditions.sample_rate
     energy = np.concatenate([[0.0], np.cumsum(np.diff(times) * (power[1:] + power[:-1]) / 2)])
-    return np.asarray(np.interp(spans.ended, times, energy) - np.interp(spans.begun, times, energy))
+    return np.asarray(np.interp(ended, times, energy) - np.interp(begun, times, energy))
 
 
 if __name__ == "__main__":

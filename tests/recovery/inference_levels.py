@@ -24,9 +24,9 @@ from evenlight.analysis.dataset_findings import AnalysisOptions, task_findings
 from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.paired_effects import exact_mean_difference
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
-from evenlight.analysis.search.search_models import brightness_fit, informative
-from evenlight.analysis.search.search_shares import detection_share
-from evenlight.analysis.search.search_statistics import LIKE_PEOPLE, SLOPE, people_slope
+from evenlight.analysis.search.search_models import brightness_fit, informative, people_slope
+from evenlight.analysis.search.search_numbers import LIKE_PEOPLE, SLOPE
+from evenlight.analysis.search.search_pairs import clustered_share
 from evenlight.analysis.search.search_trials import search_table
 from evenlight.analysis.session_loading import TaskData, task_data_of
 from evenlight.data_schema.recordings.ramp import Response
@@ -168,15 +168,20 @@ def comparison_answers(data: TaskData) -> dict[str, Answer]:
     """What is printed of a comparison: the gym, all sequences."""
     said = {}
     for name, trials in (("gym", [t for t in data.trials if t.sequence == "gym"]), ("all", data.trials)):
-        found = estimate_share(count_choices(trials), 0.15)
-        said[name] = Answer(found.p_value, *(found.interval or (np.nan, np.nan)))
+        found = estimate_share(count_choices(trials), 0.15).difference
+        ends = (np.nan if end is None else end for end in (found.ci_low, found.ci_high))
+        said[name] = Answer(found.p_value, *ends)
     return said
 
 
 def search_answers(data: TaskData) -> dict[str, Answer]:
     """What is printed of a search: the slope over people, and the share found."""
     table = search_table(data)[0]
-    slope, share = people_slope(brightness_fit(informative(table))), detection_share(table, True)
+    ours = table.some(table.ours)
+    slope, share = (
+        people_slope(brightness_fit(informative(table))),
+        clustered_share(ours.found, ours.participant),
+    )
     low = -np.inf if slope.ci_low is None else slope.ci_low
     high = np.inf if slope.ci_high is None else slope.ci_high
     p_value = np.nan if slope.p_value is None else slope.p_value
@@ -195,7 +200,7 @@ ROWS = {  # where `task_findings` prints what was asked: table, group, what
 
 def printed(task: str, data: TaskData) -> dict[str, Answer]:
     """Return the same answers as the rows of `task_findings`."""
-    rows = task_findings(data, AnalysisOptions()).statistics
+    rows = task_findings(data, AnalysisOptions()).rows
     said = {}
     for (own, question), (table, group, what) in ROWS.items():
         if own == task:

@@ -14,7 +14,8 @@ from functools import partial
 import numpy as np
 from studies import Mapped, run_study
 
-from evenlight.analysis.inference.cumulative_link import FixedEffect, OrdinalData, fit_ordinal
+from evenlight.analysis.inference.cumulative_link import OrdinalData, fit_ordinal
+from evenlight.analysis.inference.fixed_effects import FixedEffect
 
 CUT_POINTS = (-3.0, -1.2, 0.4, 2.4)  # of ratings 1 to 5: 8, 20, 30, 29 and 14 % with participants of SD 1
 SEQUENCES = (0.0, 0.8, -0.5, 0.3)  # log-odds

@@ -6,14 +6,14 @@ with a lag. So its integral has a closed form, and a sample, the mean since the 
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.analysis.measurement.played_power.power_recording import (
+from evenlight.analysis.played_power.power_recording import (
     Flips,
     Recording,
     Samples,
@@ -27,6 +27,7 @@ from evenlight.data_schema.recordings.instrument_logs import (
     PowerLog,
     PowerSample,
 )
+from evenlight.data_schema.recordings.played_power import FrameEnergy
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.hardware.simulated.panel import PanelPhysics
@@ -158,6 +159,12 @@ def chosen(samples: Samples, rows: NDArray[np.int64] | NDArray[np.bool_]) -> Sam
     )
 
 
+def times_of(frames: Sequence[FrameEnergy]) -> tuple[Array, Array]:
+    """Return when frames appeared, and when they had gone [s]."""
+    begun = np.array([frame.begun for frame in frames])
+    return begun, begun + [frame.duration for frame in frames]
+
+
 def _shown(c: Conditions, rng: np.random.Generator) -> tuple[Flips, list[FlashMark], tuple[Array, Array]]:
     """Return flips, markers, and every change of the brightness: times and factors."""
     time = rng.uniform(10.0, 500.0)
@@ -192,7 +199,7 @@ def _shown(c: Conditions, rng: np.random.Generator) -> tuple[Flips, list[FlashMa
         version=np.array([row[1] for row in rows]),
         flip=np.array([row[2] for row in rows]),
         video_frame=np.array([row[3] for row in rows]),
-        factor=np.array([row[4] for row in rows]),
+        achieved_factor=np.array([row[4] for row in rows]),
         sync=np.array([row[5] for row in rows]),
     )
     times, aims = np.array(changes).T
@@ -260,7 +267,7 @@ def write_folder(truth: Truth, folder: Path) -> Path:
             flips.version,
             flips.flip,
             flips.video_frame,
-            flips.factor,
+            flips.achieved_factor,
             flips.sync,
             strict=True,
         )

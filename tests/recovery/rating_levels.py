@@ -15,10 +15,11 @@ import numpy as np
 from made_ratings import Raters, drawn_ratings
 from studies import Mapped, run_study
 
+from evenlight.analysis.inference.cumulative_link import shown_effect
 from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.paired_effects import Effect, exact_mean_difference
-from evenlight.analysis.rating.rating_model import permuted_interaction, rating_model
-from evenlight.analysis.rating.rating_order import order_effects
+from evenlight.analysis.rating.rating_model import likelihood_ratio, permuted_interaction, rating_fits
+from evenlight.analysis.rating.rating_order import CARRY_OVER, PLACE, order_effects
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial
 
@@ -59,29 +60,35 @@ def model_free(trials: list[RatingTrial], rng: np.random.Generator) -> dict[str,
     """Return what is said without a model."""
     pairs = [paired_ratings(trials, name) for name in PAPER_SEQUENCES]
     overall = over_sequences(pairs)
-    order = order_effects(trials, PAPER_SEQUENCES, rng, permutations=399)
-    one = order.by_sequence["gym"]
+    order, by_sequence = order_effects(trials, PAPER_SEQUENCES, rng, permutations=399)
+    place, carried, one = order[PLACE][0], order[CARRY_OVER][0], by_sequence["gym"][0]
+    permuted, _ = permuted_interaction(pairs, rng, permutations=399)
     mean = exact_mean_difference(overall.scores, overall.step)
     return {
         "mean over sequences": outcome(mean, sign_flip_test(overall.scores).p_value),
         "mean over sequences, mid-p": outcome(mean, sign_flip_test(overall.scores, mid_p=True).p_value),
-        "version x sequence, permuted": Outcome(permuted_interaction(pairs, rng, permutations=399).p_value),
-        "place": outcome(order.place.effect, order.place.p_value),
-        "carry-over": outcome(order.carry_over.effect, order.carry_over.p_value),
-        "order, one sequence": outcome(one.effect, one.p_value),
+        "version x sequence, permuted": Outcome(permuted.p_value),
+        "place": outcome(place, place.p_value),
+        "carry-over": outcome(carried, carried.p_value),
+        "order, one sequence": outcome(one, one.p_value),
     }
 
 
 def model_based(trials: list[RatingTrial], rng: np.random.Generator) -> dict[str, Outcome]:
     """Return what the model says."""
-    model = rating_model(trials, PAPER_SEQUENCES)
+    fit, alike = rating_fits(trials, PAPER_SEQUENCES)
     effects = {
-        "version, model": model.version,
-        "version, model, the same for all": model.alike.effects[0],
-        "place, model": model.place,
+        "version, model": shown_effect(fit, fit.effects[0]),
+        "version, model, the same for all": alike.effects[0],
+        "place, model": shown_effect(fit, fit.effects[1]),
     }
     said = {name: outcome(Effect(e.estimate, e.ci_low, e.ci_high), e.p_value) for name, e in effects.items()}
-    return {**said, "version x sequence, likelihood ratio": Outcome(model.interaction.p_value)}
+    return {
+        **said,
+        "version x sequence, likelihood ratio": Outcome(
+            likelihood_ratio(trials, PAPER_SEQUENCES, fit)[0].p_value
+        ),
+    }
 
 
 def shares(

@@ -15,8 +15,8 @@ import numpy as np
 from scipy.signal import lfilter
 from studies import Mapped, run_study
 
-from evenlight.analysis.measurement.played_power.pass_power import PassComparison
-from evenlight.data_schema.recordings.device_saving import DevicePass
+from evenlight.analysis.played_power.pass_power import PassComparison
+from evenlight.data_schema.recordings.played_power import DevicePass
 from evenlight.hardware.device_passes import VERSIONS, PassRequest
 
 READ_EVERY, RENEWED_EVERY = 1, 2  # [s]

@@ -16,17 +16,18 @@ from scipy import integrate, stats
 from studies import Mapped, run_study
 
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.search.search_locations import for_people_and_locations, line_over_locations
 from evenlight.analysis.search.search_models import (
     BRIGHTNESS,
+    VERSION,
     brightness_fit,
     effect_of,
     effects_by_location,
+    for_people_and_locations,
     informative,
-    version_effect,
+    line_over_locations,
+    version_fit,
 )
-from evenlight.analysis.search.search_pairs import matched_pairs
-from evenlight.analysis.search.search_results import detection_change, first_found
+from evenlight.analysis.search.search_pairs import detection_change, exchanged, hazard_ratio, matched_pairs
 from evenlight.analysis.search.search_trials import SearchTable
 
 SEED = 11
@@ -78,7 +79,7 @@ def told(effect: FixedEffect | None, truth: float) -> Told:
 
 def overall(table: SearchTable, truth: SearchTruth) -> dict[str, Told]:
     """The effect of the version; its mean over locations, as their brightness ratios average 0."""
-    return {OVERALL[0]: told(version_effect(table), truth.version)}
+    return {OVERALL[0]: told(effect_of(version_fit(table), VERSION), truth.version)}
 
 
 def slopes(table: SearchTable, truth: SearchTruth) -> dict[str, Told]:
@@ -99,15 +100,14 @@ def slopes(table: SearchTable, truth: SearchTruth) -> dict[str, Told]:
 def pairs(table: SearchTable, truth: SearchTruth) -> dict[str, Told]:
     """Who was found first (Cox), and how many were found."""
     both = matched_pairs(table)
-    first, change = first_found(both), detection_change(both)
-    hazard = first.hazard
+    hazard, change = hazard_ratio(both), detection_change(both)
     true_hazard, true_change = true_pair_effects(truth)
     assert hazard.ci_low is not None
     assert hazard.ci_high is not None
     assert change.ci_low is not None
     assert change.ci_high is not None
     return {
-        PAIRS[0]: Told(hazard.ci_low <= true_hazard <= hazard.ci_high, first.p_value),
+        PAIRS[0]: Told(hazard.ci_low <= true_hazard <= hazard.ci_high, exchanged(both, both.first).p_value),
         PAIRS[1]: Told(change.ci_low <= true_change <= change.ci_high, change.p_value),
     }
 

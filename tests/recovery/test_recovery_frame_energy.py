@@ -7,12 +7,12 @@ from functools import cache
 
 import numpy as np
 import pytest
-from played_power_truth import Conditions, Truth, chosen, play
+from played_power_truth import Conditions, Truth, chosen, play, times_of
 
-from evenlight.analysis.measurement.played_power.clock_fit import fit_clock
-from evenlight.analysis.measurement.played_power.clock_line import line_of
-from evenlight.analysis.measurement.played_power.pass_power import frame_energies, frame_spans
-from evenlight.analysis.measurement.played_power.power_recording import samples_once
+from evenlight.analysis.played_power.clock_fit import fit_clock
+from evenlight.analysis.played_power.clock_line import ClockLine, line_of
+from evenlight.analysis.played_power.pass_power import frame_energies
+from evenlight.analysis.played_power.power_recording import samples_once
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.played_power import LEFT_OUT, ClockFit, ClockMethod
 from evenlight.hardware.simulated.panel import SimulatedPanel
@@ -26,11 +26,11 @@ def measured(truth: Truth) -> tuple[ClockFit, Array, Array]:
     """The clock, and measured and true energies of the frames."""
     recording = truth.recording
     clock = fit_clock(recording)
-    spans = frame_spans(recording.flips, recording.log.refresh_rate)
-    frames = frame_energies(recording.samples, spans, line_of(clock))
+    frames = frame_energies(recording.samples, recording.flips, recording.log.refresh_rate, line_of(clock))
     assert all(frame.flag not in LEFT_OUT for frame in frames)
     energy = np.array([frame.energy for frame in frames], dtype=float)
-    return clock, energy, truth.energy(spans.ended) - truth.energy(spans.begun)
+    begun, ended = times_of(frames)
+    return clock, energy, truth.energy(ended) - truth.energy(begun)
 
 
 @cache
@@ -55,7 +55,7 @@ def test_the_truth_is_the_integral_of_the_simulated_panels_power() -> None:
     flips = truth.recording.flips
     changes = sorted(
         [(mark.time, mark.factor) for mark in truth.recording.flashes]
-        + list(zip(flips.flip.tolist(), flips.factor.tolist(), strict=True))
+        + list(zip(flips.flip.tolist(), flips.achieved_factor.tolist(), strict=True))
     )
     for when, factor in changes:
         time[0] = when
@@ -119,12 +119,13 @@ def test_without_synchronisation_frames_are_far_off() -> None:
     worst, share = [], []
     for seed in range(5):
         truth = play(BAD_CLOCK, np.random.default_rng(seed))
-        samples, spans = truth.recording.samples, frame_spans(truth.recording.flips, 60.0)
+        samples = truth.recording.samples
+        begun, ended = times_of(frame_energies(samples, truth.recording.flips, 60.0, ClockLine(0.0, 0.0)))
         times = samples.received[0] + np.arange(len(samples.power)) / 1000.0
         steps = np.diff(times) * (samples.power[1:] + samples.power[:-1]) / 2
         energy = np.concatenate([[0.0], np.cumsum(steps)])
-        guess = np.interp(spans.ended, times, energy) - np.interp(spans.begun, times, energy)
-        true = truth.energy(spans.ended) - truth.energy(spans.begun)
+        guess = np.interp(ended, times, energy) - np.interp(begun, times, energy)
+        true = truth.energy(ended) - truth.energy(begun)
         worst.append(np.abs(guess / true - 1).max())
         share.append(np.mean(np.abs(guess / true - 1) > 0.01))
     assert min(worst) > 0.3

@@ -10,8 +10,7 @@ from made_searches import SearchTruth, made_table
 from scipy import stats
 from search_level import OVERALL, PAIRS, study
 
-from evenlight.analysis.search.search_pairs import matched_pairs
-from evenlight.analysis.search.search_results import detection_change
+from evenlight.analysis.search.search_pairs import detection_change, matched_pairs
 
 DIFFERENT = SearchTruth(version_sd=1.2, locations=4, middle=6.0)
 PAIRED = SearchTruth(version_sd=0.8, locations=12, middle=8.0)

@@ -16,10 +16,10 @@ import numpy as np
 from ordinal_levels import covers
 from studies import Mapped, run_study
 
+from evenlight.analysis.inference.fixed_effects import FixedEffect
 from evenlight.analysis.inference.lognormal_times import (
     CensoredTimes,
     Contrast,
-    FixedEffect,
     fit_lognormal_times,
 )
 

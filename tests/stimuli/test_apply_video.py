@@ -11,17 +11,17 @@ import pytest
 from tracked_videos import BT601, DISPLAY, decoded_planes, film, smooth_planes, track_of
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.dimmed.above_white import cut_above_white
 from evenlight.stimuli.dimmed.apply_options import AppliedVersion, Codec, DimmedFile
 from evenlight.stimuli.dimmed.apply_video import apply_track
 from evenlight.stimuli.dimmed.dimmed_samples import (
     FRACTION,
+    cut_above_white,
     dimmed_codes,
     dithered,
     luma_chroma_codings,
     ycbcr_of,
 )
-from evenlight.stimuli.dimmed.dimming import dimmed_pixel_values
+from evenlight.stimuli.dimmed.dimming import pixel_scale
 from evenlight.stimuli.dimmed.encoders import codec_for
 from evenlight.stimuli.dimmed.matched_track import match_track
 from evenlight.stimuli.sequences import open_video
@@ -132,7 +132,7 @@ def test_what_is_above_white_is_cut_off_before_it_is_dimmed(tmp_path):
     before = rgb(*(p.astype(np.float64) for p in picture))
     assert before[0, 0, 0] > 1.05 and before[0, 0, 16] > 1.1  # noqa: PT018 - what the picture is made for
     shown = np.clip(rgb(*(p / 4 for p in planes)), 0, 1)
-    wanted = dimmed_pixel_values(np.clip(before, 0, 1), 0.5, GAMMA)
+    wanted = np.clip(before, 0, 1) * pixel_scale(0.5, GAMMA)
     assert np.abs(block_means_of(shown - wanted)).max() < 1 / 255
 
 
@@ -182,7 +182,7 @@ def test_rgb_is_dimmed_channel_by_channel(tmp_path, bits):
     for picture, (green, blue, red), factor in zip(
         pixels, decoded_planes(tmp_path / "out.mkv"), b, strict=True
     ):
-        wanted = deep * dimmed_pixel_values(picture / top, factor, GAMMA)
+        wanted = deep * (picture / top) * pixel_scale(factor, GAMMA)
         assert np.abs(np.stack([red, green, blue], axis=-1) - wanted).max() < 1
 
 

@@ -165,10 +165,10 @@ def test_curves_of_planes_are_those_of_rgb_byte_for_byte_with_any_number_of_jobs
     assert all(isinstance(frame.pixels, LumaChroma) for frame in frames)
     as_rgb = [Frame(frame.time, frame.duration, frame.pixel_values) for frame in frames]
     expected = analyze_frames(as_rgb, "v", LAB)
-    assert expected.counted.min() == 0  # frames that equal the one before
+    assert (np.diff(expected.loss, axis=0) == 0).all(axis=1).any()  # frames that equal the one before
     for jobs in (1, 2):
         found = analyze_frames(video.frames(), "v", LAB, effort=AnalysisEffort(jobs=jobs))
-        for name in ("loss", "visible_contrast", "mean_luminance", "channel_means", "counted", "times"):
+        for name in ("loss", "visible_contrast", "mean_luminance", "channel_means", "times"):
             assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from drawn_codes import dithered_codes
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -10,7 +11,6 @@ from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.dithering import (
     LEVELS,
     bayer_matrix,
-    dithered_codes,
     hashed,
     luminance_of_codes,
     neighbouring_codes,

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import moderngl
 import numpy as np
 import pytest
-from drawn_codes import image_codes
+from drawn_codes import dithered_codes, image_codes
 from eye_windows import (
     FRAME,
     MIDDLE,
@@ -23,7 +23,6 @@ from turned_heads import turned
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.dithering import (
-    dithered_codes,
     luminance_of_codes,
     mean_of_codes,
     neighbouring_codes,

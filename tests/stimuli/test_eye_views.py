@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from headset_frames import POSES, frame_of, projected
 from scipy.spatial.transform import Rotation
+from seen_points import project
 
 from evenlight.hardware.presentation.headset_link import EyePose, centre_pixels_per_degree
 from evenlight.stimuli.eyes.eye_views import eye_views, head_direction
@@ -92,7 +93,7 @@ def test_with_even_edges_an_eye_sees_what_a_camera_does():
     right, up, forward = (tuple(axis.tolist()) for axis in camera.axes())
     eye = EyeView(HERE, right, up, forward, camera.tangents(SIZE))
     points = HERE + 3 * camera.axes()[2] + np.random.default_rng(1).uniform(-1, 1, (9, 3))
-    np.testing.assert_allclose(projected(eye, points, SIZE), camera.project(points, SIZE))
+    np.testing.assert_allclose(projected(eye, points, SIZE), project(camera, points, SIZE))
     np.testing.assert_allclose(eye.matrix(SIZE)[[0, 1, 3]], camera.matrix(SIZE)[[0, 1, 3]], atol=1e-12)
 
 

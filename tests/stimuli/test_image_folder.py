@@ -7,7 +7,8 @@ from av.video.frame import VideoFrame
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.image_folder import natural_order, open_image_folder
+from evenlight.stimuli.video.image_folder import open_image_folder
+from evenlight.stimuli.video.video_locations import natural_order
 
 
 def picture(seed=0, size=(24, 16), kind=np.uint8):
@@ -100,7 +101,7 @@ def test_other_files_are_passed_over_and_do_not_change_the_hash(tmp_path):
 def test_images_follow_at_the_rate_that_was_asked_for(tmp_path, asked, rate):
     for k in range(3):
         save(tmp_path / f"{k}.png", picture(k))
-    frames = list(open_video(str(tmp_path), frames_per_second=asked).frames())
+    frames = list(open_video(str(tmp_path), fps=asked).frames())
     np.testing.assert_allclose([f.time for f in frames], np.arange(3) / rate, rtol=1e-12)
     np.testing.assert_allclose([f.duration for f in frames], 1 / rate, rtol=1e-12)
 
@@ -109,7 +110,7 @@ def test_images_follow_at_the_rate_that_was_asked_for(tmp_path, asked, rate):
 def test_an_impossible_frame_rate_is_refused(tmp_path, rate):
     save(tmp_path / "a.png", picture())
     with pytest.raises(InputError, match="need a frame rate"):
-        open_video(str(tmp_path), frames_per_second=rate)
+        open_video(str(tmp_path), fps=rate)
 
 
 def test_a_folder_without_images_is_refused(tmp_path):

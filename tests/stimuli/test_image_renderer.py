@@ -6,14 +6,13 @@ from typing import Any
 import moderngl
 import numpy as np
 import pytest
-from drawn_codes import image_codes
+from drawn_codes import dithered_codes, image_codes
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.stimuli.dithering import (
     GRID,
-    dithered_codes,
     hashed,
     level_luminance,
     levels_of,

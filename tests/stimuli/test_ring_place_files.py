@@ -4,12 +4,12 @@ import json
 import math
 
 import pytest
+from example_scripts import example_script
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.ring_places import DISPLAY, PICTURE_SIZE, PlaceRules, lies_on_a_surface
 from evenlight.stimuli.rings.ring_scene import (
     PATHS,
     PRACTICE_SIZE,
@@ -28,7 +28,8 @@ from evenlight.stimuli.scenes.engine.scene import direction_of
 
 pytestmark = pytest.mark.slow
 
-RULES = PlaceRules()
+rules = example_script("choose_ring_places")
+
 MEASURED = "basement"  # of both scenes, its scene is drawn the sooner
 ROUNDING = 0.02  # [deg] the files have hundredths
 
@@ -41,9 +42,9 @@ def rings_of(keypoint: KeypointRings, point: Keypoint) -> list[tuple[Ring, float
     """Return the rings that may lie around a keypoint, practice's last, each with its recorded luminance."""
     azimuths = (*keypoint.azimuths, keypoint.practice_azimuth)
     altitudes = (*keypoint.altitudes, keypoint.practice_altitude)
-    gaps = (RULES.gap, RULES.gap, PRACTICE_SIZE * RULES.gap)
+    gaps = (rules.GAP, rules.GAP, PRACTICE_SIZE * rules.GAP)
     rings = [
-        Ring(point.azimuth + azimuth, altitude, gap, RULES.contrast, 0)
+        Ring(point.azimuth + azimuth, altitude, gap, rules.CONTRAST, 0)
         for azimuth, altitude, gap in zip(azimuths, altitudes, gaps, strict=True)
     ]
     return list(zip(rings, (*keypoint.luminances, keypoint.practice_luminance), strict=True))
@@ -51,7 +52,7 @@ def rings_of(keypoint: KeypointRings, point: Keypoint) -> list[tuple[Ring, float
 
 @pytest.mark.parametrize("name", PAPER_SEQUENCES)
 def test_every_keypoint_of_a_search_has_three_places_that_a_ring_can_lie_at(name) -> None:
-    """If a scene or a path has changed: python -m evenlight.stimuli.rings.ring_places NAME."""
+    """If a scene or a path has changed: python examples/choose_ring_places.py NAME."""
     path = path_named(name)
     scene = scene_named(path.scene)
     keypoints = ring_places(name).keypoints
@@ -61,14 +62,14 @@ def test_every_keypoint_of_a_search_has_three_places_that_a_ring_can_lie_at(name
         camera = Camera(point.position, point.azimuth, point.altitude)
         rings = [ring for ring, _ in rings_of(each, point)]
         first, second, practice = ((ring.azimuth, ring.altitude) for ring in rings)
-        assert angle(first, second) >= RULES.apart - ROUNDING
-        assert min(angle(practice, first), angle(practice, second)) >= RULES.practice_apart - ROUNDING
+        assert angle(first, second) >= rules.APART - ROUNDING
+        assert min(angle(practice, first), angle(practice, second)) >= rules.PRACTICE_APART - ROUNDING
         for ring in rings:
             eccentricity = angle((point.azimuth, point.altitude), (ring.azimuth, ring.altitude))
-            assert RULES.smallest_eccentricity - ROUNDING <= eccentricity
-            assert eccentricity <= RULES.largest_eccentricity + ROUNDING
-            assert abs(ring.altitude) <= RULES.highest + ROUNDING
-            assert lies_on_a_surface(scene, camera, ring), each.keypoint
+            assert eccentricity >= rules.SMALLEST_ECCENTRICITY - ROUNDING
+            assert eccentricity <= rules.LARGEST_ECCENTRICITY + ROUNDING
+            assert abs(ring.altitude) <= rules.HIGHEST + ROUNDING
+            assert rules.lies_on_a_surface(scene, camera, ring), each.keypoint
 
 
 def test_around_its_places_a_scene_is_as_bright_and_as_even_as_was_recorded() -> None:
@@ -79,14 +80,15 @@ def test_around_its_places_a_scene_is_as_bright_and_as_even_as_was_recorded() ->
     path = path_named(MEASURED)
     context = offscreen_context()
     try:
-        scene = RingScene(context, SceneRenderer(context, scene_named(path.scene), PICTURE_SIZE), DISPLAY)
+        renderer = SceneRenderer(context, scene_named(path.scene), rules.PICTURE_SIZE)
+        scene = RingScene(context, renderer, rules.DISPLAY)
         for each in ring_places(MEASURED).keypoints:
             point = path.keypoint(each.keypoint)
             for ring, recorded in rings_of(each, point):
                 around = scene.surroundings(ring, point.position)
                 assert around.luminance == pytest.approx(recorded, rel=0.03), each.keypoint
-                assert around.luminance >= RULES.darkest * 0.97
-                assert around.variation <= RULES.largest_variation * 1.03
+                assert around.luminance >= rules.DARKEST * 0.97
+                assert around.variation <= rules.LARGEST_VARIATION * 1.03
     finally:
         context.release()
 

@@ -11,19 +11,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_scripts import example_script
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.rings.landolt import Ring, Surroundings
-from evenlight.stimuli.rings.ring_places import (
-    NOTHING,
-    PlaceRules,
-    RingPlace,
-    choose_places,
-    lies_on_a_surface,
-    seen_along,
-)
 from evenlight.stimuli.rings.ring_scene import RingScene
+from evenlight.stimuli.rings.stereo_rings import NOTHING, seen_along
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
@@ -32,9 +26,10 @@ from evenlight.stimuli.scenes.engine.scene import Scene, direction_of
 
 pytestmark = pytest.mark.slow
 
+ring_places = example_script("choose_ring_places")
+
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=24.0)
 EYE = Camera((0.0, 0.0, 1.5), azimuth=0.0)
-RULES = PlaceRules(gap=10.0)
 
 
 def grey(_: np.random.Generator, size: int) -> np.ndarray:
@@ -89,14 +84,14 @@ def test_rays_meet_the_nearest_surface_at_its_distance(room) -> None:
     ],
 )
 def test_a_ring_lies_on_one_surface_that_neither_shines_nor_has_holes(room, towards, suits) -> None:
-    assert lies_on_a_surface(room, EYE, ring_towards(*towards)) == suits
+    assert ring_places.lies_on_a_surface(room, EYE, ring_towards(*towards)) == suits
 
 
 def test_a_surface_that_is_looked_at_too_flatly_does_not_count(room) -> None:
     """From 0.2 m above the floor, the floor 1.5 m away is seen at a cosine of 0.13."""
     low = dataclasses.replace(EYE, position=(0.0, 0.0, 0.2))
     altitude = -math.degrees(math.atan2(0.2, 1.5))
-    assert not lies_on_a_surface(room, low, Ring(340.0, altitude, 10.0, -0.3, 0))
+    assert not ring_places.lies_on_a_surface(room, low, Ring(340.0, altitude, 10.0, -0.3, 0))
 
 
 class Lit:
@@ -106,15 +101,14 @@ class Lit:
         level = 5.0 + abs(ring.azimuth)
         return Surroundings((level, level, level), 0.1 if abs(ring.azimuth) < 30 else 0.9)
 
-    def can_show(self, ring: Ring, around: Surroundings) -> bool:
-        return True
+
+def chosen(
+    room: Scene, seed: int = 3
+) -> tuple[ring_places.RingPlace, ring_places.RingPlace, ring_places.RingPlace]:
+    return ring_places.choose_places(room, Lit(), EYE, np.random.default_rng(seed))
 
 
-def chosen(room: Scene, rules: PlaceRules = RULES, seed: int = 3) -> tuple[RingPlace, RingPlace, RingPlace]:
-    return choose_places(room, Lit(), EYE, rules, np.random.default_rng(seed))
-
-
-def angle_between(first: RingPlace, second: RingPlace) -> float:
+def angle_between(first: ring_places.RingPlace, second: ring_places.RingPlace) -> float:
     """Return the angle between two places, by the cosine rule on the sphere [deg]."""
     a, b = math.radians(first.altitude), math.radians(second.altitude)
     turn = math.radians(first.azimuth - second.azimuth)
@@ -126,11 +120,11 @@ def test_the_places_are_apart_alike_and_where_they_may_be(room, seed) -> None:
     first, second, practice = chosen(room, seed=seed)
     assert angle_between(first, second) >= 20 - 1e-9
     assert min(angle_between(practice, first), angle_between(practice, second)) >= 12 - 1e-9
-    ahead = RingPlace(0.0, 0.0, 1.0, 0.0)
+    ahead = ring_places.RingPlace(0.0, 0.0, 1.0, 0.0)
     for place in (first, second, practice):
         assert 10 <= angle_between(ahead, place) <= 45
         assert abs(place.azimuth) < 30  # evenly lit
-        assert lies_on_a_surface(room, EYE, Ring(place.azimuth, place.altitude, 10.0, -0.3, 0))
+        assert ring_places.lies_on_a_surface(room, EYE, Ring(place.azimuth, place.altitude, 10.0, -0.3, 0))
     assert first.luminance / second.luminance == pytest.approx(1.0, abs=0.1)
 
 
@@ -138,7 +132,9 @@ def test_the_place_for_practice_suits_a_ring_of_twice_the_size(room) -> None:
     """Its surroundings reach twice as far; where light is even for small rings alone, no place suits."""
     for seed in range(4):
         practice = chosen(room, seed=seed)[2]
-        assert lies_on_a_surface(room, EYE, Ring(practice.azimuth, practice.altitude, 20.0, -0.3, 0))
+        assert ring_places.lies_on_a_surface(
+            room, EYE, Ring(practice.azimuth, practice.altitude, 20.0, -0.3, 0)
+        )
 
     class UnevenForLarge(Lit):
         def surroundings(self, ring: Ring, position: object) -> Surroundings:
@@ -146,7 +142,7 @@ def test_the_place_for_practice_suits_a_ring_of_twice_the_size(room) -> None:
             return around if ring.gap < 20 else dataclasses.replace(around, variation=0.9)
 
     with pytest.raises(InputError, match=r"suit a ring of 10 arcmin, 0 of them one of 20; .* 12 from both"):
-        choose_places(room, UnevenForLarge(), EYE, RULES, np.random.default_rng(3))
+        ring_places.choose_places(room, UnevenForLarge(), EYE, np.random.default_rng(3))
 
 
 def test_the_same_seed_gives_the_same_places_and_another_one_others(room) -> None:
@@ -154,17 +150,19 @@ def test_the_same_seed_gives_the_same_places_and_another_one_others(room) -> Non
     assert chosen(room) != chosen(room, seed=4)
 
 
-def test_where_no_three_places_are_found_one_line_says_so(room) -> None:
+def test_where_no_three_places_are_found_one_line_says_so(room, monkeypatch) -> None:
     for rules in (
-        dataclasses.replace(RULES, apart=100.0),
-        dataclasses.replace(RULES, practice_apart=100.0),
-        dataclasses.replace(RULES, darkest=40.0),
-        dataclasses.replace(RULES, smallest_eccentricity=80.0, largest_eccentricity=89.0),
+        {"APART": 100.0},
+        {"PRACTICE_APART": 100.0},
+        {"DARKEST": 40.0},
+        {"SMALLEST_ECCENTRICITY": 80.0, "LARGEST_ECCENTRICITY": 89.0},
     ):
-        with pytest.raises(
-            InputError, match=r"room: around \(0, 0, 1\.5\) m, towards 0 degrees, .* another keypoint"
-        ):
-            chosen(room, rules)
+        said = r"room: around \(0, 0, 1\.5\) m, towards 0 degrees, .* another keypoint"
+        with monkeypatch.context() as patch:
+            for name, value in rules.items():
+                patch.setattr(ring_places, name, value)
+            with pytest.raises(InputError, match=said):
+                chosen(room)
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +176,7 @@ def test_in_a_picture_of_the_room_the_places_are_as_bright_as_they_say(context, 
     """Drawn with the room's own light: read at each place's pixel, which is within the texture's evenness."""
     renderer = SceneRenderer(context, room, (240, 240), None)
     rings = RingScene(context, renderer, LAB)
-    for place in choose_places(room, rings, EYE, RULES, np.random.default_rng(1)):
+    for place in ring_places.choose_places(room, rings, EYE, np.random.default_rng(1)):
         rings.draw(Camera(EYE.position, place.azimuth, place.altitude, focal_length=1375.0))
         middle = rings.pixel_values()[115:125, 115:125] / 65535
         luminance = 100 * (middle**2.2).mean()

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+from seen_points import project
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -94,7 +95,7 @@ class Shown:
         right, up, ahead = Camera(HERE, self.ring.azimuth, self.ring.altitude).axes()
         gap = math.radians(self.ring.gap / 60)
         in_scene = np.array(HERE) + ahead + gap * (points[:, :1] * right + points[:, 1:] * up)
-        x, y = (self.camera.project(in_scene, SIZE) - 0.5).T
+        x, y = (project(self.camera, in_scene, SIZE) - 0.5).T
         left, top = np.floor(x).astype(int), np.floor(y).astype(int)
         s, t = x - left, y - top
         upper = image[top, left] * (1 - s) + image[top, left + 1] * s

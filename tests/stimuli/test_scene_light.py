@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from evenlight.stimuli.scenes.engine.camera import Camera
-from evenlight.stimuli.scenes.engine.graphics import PEAK, offscreen_context, shown_share
+from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK, offscreen_context
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Quality
@@ -121,6 +121,13 @@ def test_a_sunlit_floor_lights_what_is_above_it():
     expected = 0.9 * 0.5 * 400 * 0.5 / math.pi
     camera = Camera((0.0, -1.0, 1.0), 0.0, 45.0, field_of_view=2.0)
     np.testing.assert_allclose(middle(seen(model.build(), camera, Quality.FINE)), expected, rtol=0.03)
+
+
+def shown_share(luminance: np.ndarray) -> np.ndarray:
+    """The share of the peak that is shown: up to the knee as it is, above an exponential approach to 1."""
+    share = np.maximum(luminance, 0) / PEAK
+    over = np.maximum(share - KNEE, 0) / (1 - KNEE)
+    return np.minimum(share, KNEE) + (1 - KNEE) * (1 - np.exp(-over))
 
 
 def test_what_is_drawn_is_encoded_for_a_display_of_gamma_22():

@@ -5,7 +5,7 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.checkerboard import white_tiles
-from evenlight.stimuli.sequence_format import SequenceFormat, encoded_light, on_grid
+from evenlight.stimuli.sequence_format import SequenceFormat, on_grid
 from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence, open_video
 
 pytestmark = pytest.mark.slow
@@ -115,15 +115,7 @@ def test_a_larger_sunrise_shows_the_same_scene():
     assert np.corrcoef(small.ravel(), halved.ravel())[0, 1] > 0.9
 
 
-def test_encoded_light_is_the_inverse_of_the_stated_gamma():
-    light = np.linspace(0, 1, 200)
-    shown = (encoded_light(light) / 65535) ** 2.2
-    # Half a level of 10 bits changes the light by at most 2.2 / 2 / 1023 of the peak.
-    np.testing.assert_allclose(shown, light, rtol=0, atol=1.1 / 1023 * 1.01)
-
-
-def test_light_beyond_the_display_is_clipped():
-    assert encoded_light([-1.0, 2.0]).tolist() == [0, 65535]
+def test_the_ends_of_the_range_are_the_ends_of_the_grid():
     assert on_grid([0.0, 1.0]).tolist() == [0, 65535]
 
 

@@ -134,8 +134,8 @@ def test_loss_track_and_summary_of_a_squeezed_film(squeezed: Path) -> None:
     np.testing.assert_allclose(ours.mean_luminance, wanted.mean_luminance, rtol=0.01)
     unaware = evenlight.loss_curves([picture(NARROW, k / 8) for k in range(3)])
     assert np.abs(unaware.loss - wanted.loss).max() > 0.15
-    assert evenlight.optimize(squeezed, 0.6).summary.pixel_aspect == pytest.approx(4 / 3)
-    assert evenlight.optimize(square, 0.6).summary.pixel_aspect == 1.0
+    assert evenlight.optimize(squeezed, 0.6).outcome.pixel_aspect == pytest.approx(4 / 3)
+    assert evenlight.optimize(square, 0.6).outcome.pixel_aspect == 1.0
 
 
 def test_what_is_written_again_has_square_pixels(squeezed: Path, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Exported tracks: their scripts, edits and readers give back the track's factors, at its frames."""
+"""Exported tracks: their scripts and readers give back the track's factors, at its frames."""
 
 import re
 import shutil
@@ -11,16 +11,12 @@ import av
 import numpy as np
 import pytest
 
-from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.exported_track import STEP, ExportedTrack
-from evenlight.stimuli.dimmed.dimming import dimmed_pixel_values
-from evenlight.stimuli.dimmed.exports import ffmpeg
-from evenlight.stimuli.dimmed.exports.edl import edit_decision_list, timecode_rate
-from evenlight.stimuli.dimmed.exports.ffmpeg import ffmpeg_script
-from evenlight.stimuli.dimmed.exports.stretches import stretches_of
-from evenlight.stimuli.dimmed.exports.track_export import write_export
+from evenlight.data_schema.tracks.brightness_track import STEP, ExportedTrack
+from evenlight.stimuli.dimmed import track_export
+from evenlight.stimuli.dimmed.dimming import pixel_scale
+from evenlight.stimuli.dimmed.track_export import ffmpeg_script, stretches_of, write_export
 
 GAMMA = 2.2
 READERS = Path(__file__).parents[2] / "examples" / "readers"
@@ -78,62 +74,6 @@ def test_stretches_hold_each_frame_once_and_stay_within_the_tolerance() -> None:
         assert np.abs(scales[first : last + 1] - scale).max() <= 0.002 + 1e-12
     for this, following in pairwise(stretches):  # none could be longer
         assert np.ptp(scales[this.first : following.first + 1]) > 0.004
-
-
-# --- Edit decision lists
-
-
-def slopes_in(edl: str, rate: int) -> np.ndarray:
-    """The slope of every frame, read as a program that grades film reads the list."""
-
-    def frame(code: str) -> int:
-        hours, minutes, seconds, frames = map(int, code.split(":"))
-        return (3600 * hours + 60 * minutes + seconds) * rate + frames
-
-    events = re.findall(
-        r"^\d{3,4}  AX       V     C        (\S+) (\S+) (\S+) (\S+)\n\* FROM CLIP NAME: .*\n"
-        r"\* ASC_SOP \((\S+) (\S+) (\S+)\)\(0\.0+ 0\.0+ 0\.0+\)\(1\.0+ 1\.0+ 1\.0+\)\n\* ASC_SAT 1\.0+$",
-        edl,
-        re.MULTILINE,
-    )
-    slopes: list[float] = []
-    for source_in, source_out, record_in, record_out, red, green, blue in events:
-        assert frame(source_in) == len(slopes)  # without a gap or an overlap
-        assert frame(record_in) - frame(source_in) == frame(record_out) - frame(source_out) == 3600 * rate
-        assert red == green == blue
-        slopes += [float(red)] * (frame(source_out) - frame(source_in))
-    return np.array(slopes)
-
-
-@pytest.mark.parametrize(("rate", "counted"), [(25.0, 25), (24000 / 1001, 24), (60000 / 1001, 60)])
-def test_an_edit_dims_every_frame_within_half_a_code_value_of_white(rate: float, counted: int) -> None:
-    track = wandering(3 * 61 * counted // 25, rate)
-    edl = edit_decision_list(track)
-    assert edl.startswith("TITLE: made\nFCM: NON-DROP FRAME\n")
-    slopes = slopes_in(edl, counted)
-    wanted = np.array(track.factors) ** (1 / GAMMA)
-    assert len(slopes) == len(wanted)
-    assert np.abs(slopes - wanted).max() <= 0.5 / 255 + 1e-6
-    assert np.abs(np.diff(slopes)).max() <= 1 / 255 + np.abs(np.diff(wanted)).max()
-
-
-@pytest.mark.parametrize(
-    ("times", "said"),
-    [
-        (np.array([0, 0.04, 0.08, 0.16, 0.2]), "frame rate of 'made' is not constant"),
-        (np.arange(5) / 12.5, "'made' has 12.5 frames per second"),
-        (np.arange(5) / 2.5, "'made' has 2.5 frames per second"),
-        (np.zeros(1), "is not constant"),
-    ],
-)
-def test_what_timecode_cannot_count_is_refused(times: np.ndarray, said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        timecode_rate(exported(times, np.full(len(times), 0.5)))
-
-
-def test_more_events_than_a_list_holds_are_refused() -> None:
-    with pytest.raises(InputError, match="takes 10000 events, and an edit decision list holds 9999"):
-        edit_decision_list(exported(np.arange(10000) / 25, 0.5 + 0.1 * (np.arange(10000) % 2)))
 
 
 # --- FFmpeg
@@ -198,7 +138,7 @@ UNEVEN = np.concatenate([[0], np.cumsum(np.random.default_rng(5).integers(17, 90
 def test_ffmpeg_dims_each_frame_by_its_own_factor(
     times: np.ndarray, late: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(ffmpeg, "COMMANDS_AT_ONCE", 25)
+    monkeypatch.setattr(track_export, "COMMANDS_AT_ONCE", 25)
     factors = 0.3 + 0.6 * (np.arange(60) * 7 % 60) / 59  # a neighbour's would be 8 code values off, or more
     source = clip(tmp_path / "made.mkv", times, late)
     script = ffmpeg_script(exported(times / 1000, factors))
@@ -207,7 +147,7 @@ def test_ffmpeg_dims_each_frame_by_its_own_factor(
     assert dimmed_at == shown
     gray = 64 * 36  # as many samples of Y', and half as many of colour differences
     luma = [
-        16 + 219 * dimmed_pixel_values(np.minimum((y - 16) / 219, 1), b, GAMMA)
+        16 + 219 * np.minimum((y - 16) / 219, 1) * pixel_scale(b, GAMMA)
         for y, b in zip(before[:, :gray], factors, strict=True)
     ]
     colour = 128 + (before[:, gray:] - 128) * factors[:, None] ** (1 / GAMMA)
@@ -248,7 +188,7 @@ def test_ffmpeg_dims_videos_of_other_formats(pix_fmt: str, tmp_path: Path) -> No
         )
         for p in (source, by_ffmpeg(source, ffmpeg_script(flat(3)), "-pix_fmt", "yuv444p10le"))
     )
-    np.testing.assert_allclose(dimmed, 255 * dimmed_pixel_values(shown / 255, 0.5, GAMMA), atol=2)
+    np.testing.assert_allclose(dimmed, 255 * shown / 255 * pixel_scale(0.5, GAMMA), atol=2)
 
 
 # --- Readers

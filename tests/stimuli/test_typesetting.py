@@ -9,7 +9,7 @@ from PIL import Image, ImageDraw, ImageFont, features
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli import typesetting
 from evenlight.stimuli.page_image import centred_image, page_image
-from evenlight.stimuli.typesetting import LINE_MAY_END, draw_line, line_width, runs_to_left, words_of
+from evenlight.stimuli.typesetting import LINE_MAY_END, Line, runs_to_left, words_of
 
 SIZE = (640, 480)
 DEJAVU = typesetting._dejavu(False)[0]
@@ -22,7 +22,7 @@ shaped = pytest.mark.skipif(
 def drawn(text: str, to_left: bool = False, font: Path | None = None) -> np.ndarray:
     """Draw a line of 40-pixel letters at (20, 60)."""
     image = Image.new("L", (900, 80))
-    draw_line(ImageDraw.Draw(image), (20.0, 60.0), (words_of(text), 40, to_left), font)
+    Line(words_of(text), 40, font, to_left).draw(ImageDraw.Draw(image), (20.0, 60.0))
     return np.asarray(image)
 
 
@@ -69,7 +69,7 @@ def test_arabic_letters_join() -> None:
 
 @shaped
 def test_a_combining_mark_takes_no_width_of_its_own() -> None:
-    assert line_width(words_of("שָׁ"), 40, None) == pytest.approx(line_width(words_of("ש"), 40, None))
+    assert Line(words_of("שָׁ"), 40, None).width == pytest.approx(Line(words_of("ש"), 40, None).width)
     composed, decomposed = drawn("é"), drawn("e\u0301")
     np.testing.assert_array_equal(composed, decomposed)
 
@@ -108,14 +108,14 @@ def test_japanese_lines_end_anywhere_but_before_a_full_stop_and_after_an_opening
 def test_a_latin_word_among_ideographs_is_not_divided_and_gets_no_space() -> None:
     words = ["".join(piece for piece, _ in word) for word in words_of("キーEscを押す")]
     assert [word.rstrip(LINE_MAY_END) for word in words] == ["キー", "Esc", "を", "押", "す"]
-    assert line_width(words_of("aを"), 40, DEJAVU) < line_width(words_of("a を"), 40, DEJAVU)
+    assert Line(words_of("aを"), 40, DEJAVU).width < Line(words_of("a を"), 40, DEJAVU).width
 
 
 def test_korean_and_thai_lines_end_where_they_are_written_to() -> None:
     """Korean has spaces; Thai pages have zero-width spaces, which take no room."""
     assert len(words_of("화면의 밝기가 변했습니까")) == 3
     assert len(words_of(f"การ{LINE_MAY_END}ทดลอง")) == 2
-    assert line_width(words_of(f"ab{LINE_MAY_END}c"), 40, None) == line_width(words_of("abc"), 40, None)
+    assert Line(words_of(f"ab{LINE_MAY_END}c"), 40, None).width == Line(words_of("abc"), 40, None).width
 
 
 def test_a_labs_own_font_is_used_and_dejavu_for_what_it_lacks() -> None:

@@ -191,7 +191,7 @@ def test_a_name_that_is_nothing_lists_the_built_in_sequences():
 def test_a_frame_rate_for_a_video_file_is_refused(tmp_path):
     path = encode(tmp_path / "v.mp4", stamps=range(3))
     with pytest.raises(InputError, match="its own frame rate"):
-        open_video(str(path), frames_per_second=30)
+        open_video(str(path), fps=30)
 
 
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])

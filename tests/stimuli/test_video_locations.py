@@ -12,8 +12,7 @@ import pytest
 from loopback_server import LoopbackServer, served
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.video.remote_file import shown_name
-from evenlight.stimuli.video.video_locations import file_state, videos_at
+from evenlight.stimuli.video.video_locations import file_state, shown_name, videos_at
 
 FILES = ("b10.mkv", "b2.MKV", "notes.txt", ".hidden.mkv", "more/a film.mp4", "more/c.odd", ".kept/d.mp4")
 FILMS = ["b2.MKV", "b10.mkv", "more/a film.mp4"]
@@ -124,9 +123,9 @@ def test_a_server_that_is_not_there_is_named(server: LoopbackServer) -> None:
 
 
 def test_a_protocol_that_is_unknown_or_needs_a_package_is_named() -> None:
-    with pytest.raises(InputError, match="unknown protocol odd"):
+    with pytest.raises(InputError, match="cannot read odd://films: Protocol not known: odd"):
         videos_at("odd://films")
-    with pytest.raises(InputError, match=r"^s3:// needs the package s3fs: pip install s3fs$"):
+    with pytest.raises(InputError, match=r"^cannot read s3://bucket/films: Install s3fs to access S3$"):
         videos_at("s3://bucket/films")
 
 

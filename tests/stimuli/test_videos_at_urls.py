@@ -18,7 +18,7 @@ import evenlight
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequences import open_video, open_videos
-from evenlight.stimuli.video import remote_file
+from evenlight.stimuli.video import video_locations
 
 OPTIONS = ("--budget", 0.5, "--display", "laptop-lcd", "--other-display-ok")
 SECRET = "X-Amz-Signature=Hidden2"
@@ -83,9 +83,10 @@ def test_results_are_byte_for_byte_those_of_the_file_without_a_secret(
         written.append({file.name: file.read_bytes() for file in out.iterdir()})
         took = rb'"(solve|curves|bound)_s": [0-9.e-]+'
         written[-1]["summary.json"] = re.sub(took, b"", written[-1]["summary.json"])
-    assert {"track.csv", "loss_curves.npz", "player.html"} <= set(written[0])
-    for other in written[1:]:
-        assert {name for name, content in other.items() if content != written[0][name]} == set()
+    assert {"track.csv", "loss_curves.npz", "player.html", "request.toml"} <= set(written[0])
+    for other in written[1:]:  # the request says where the video was
+        differing = {name for name, content in other.items() if content != written[0][name]}
+        assert differing <= {"request.toml"}
         assert not any(b"Hidden" in content for content in other.values())
 
 
@@ -126,7 +127,7 @@ def noise(path: Path, codec: str, n_frames: int) -> Path:
 
 
 def test_a_frame_far_into_a_film_takes_a_few_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(remote_file, "BLOCK", 1 << 16)
+    monkeypatch.setattr(video_locations, "BLOCK", 1 << 16)
     path = noise(tmp_path / "long.mkv", "rawvideo", 200)
     with served(tmp_path) as server:
         film = open_video(f"{server.url}/long.mkv")
@@ -166,7 +167,7 @@ def test_a_server_that_sends_no_parts_is_refused(
     tmp_path: Path, server: LoopbackServer, film: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     server.parts = False
-    monkeypatch.setattr(remote_file, "BLOCK", 1 << 12)
+    monkeypatch.setattr(video_locations, "BLOCK", 1 << 12)
     assert "range requests" in refusal(film)
 
 
@@ -174,7 +175,7 @@ def test_a_server_that_sends_no_parts_is_refused(
 def test_a_server_that_goes_away_is_said(
     server: LoopbackServer, film: str, monkeypatch: pytest.MonkeyPatch, begun: bool
 ) -> None:
-    monkeypatch.setattr(remote_file, "BLOCK", 1 << 12)
+    monkeypatch.setattr(video_locations, "BLOCK", 1 << 12)
     there = open_video(film) if begun else None
     server.most = server.sent + 3000
     if there is None:
@@ -190,7 +191,7 @@ def test_a_server_that_goes_away_is_said(
 def test_files_that_shrink_while_they_are_read_are_noticed() -> None:
     files = fsspec.filesystem("memory")
     files.pipe("/shrinking.mkv", bytes(5000))
-    with remote_file.RemoteFile("memory://shrinking.mkv").opened() as stream:
+    with video_locations.RemoteFile("memory://shrinking.mkv").opened() as stream:
         files.store["/shrinking.mkv"].truncate(2000)
         assert len(stream.read(3000)) == 2000
         with pytest.raises(InputError, match="it ends at byte 2000 of 5000"):

@@ -14,32 +14,17 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.analysis.calibration.joint.answer_tables import AnswerTables, answer_tables
-from evenlight.analysis.calibration.joint.curve_bands import (
-    band_luminances,
-    drawn_curves,
-    narrowed_to_rising,
-    pointwise_band,
-    simultaneous_band,
-)
-from evenlight.analysis.calibration.joint.marginal_likelihood import smoothed
-from evenlight.analysis.calibration.joint.participant_factors import (
-    ParticipantFactor,
-    SpreadEstimate,
-    condition_effects,
-    participant_factors,
-    spread_estimate,
-)
+from evenlight.analysis.calibration.joint.marginal_likelihood import AnswerTables, answer_tables, smoothed
 from evenlight.analysis.calibration.joint.polynomial_shape import (
     ShapeScore,
-    fitted_polynomial,
-    scored_shapes,
+    compared_shapes,
 )
 from evenlight.analysis.calibration.joint.population_curve import (
     PopulationCurve,
     curve_prior,
     luminance_groups,
     population_curve,
+    smooth_basis,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
 from evenlight.analysis.calibration.psychometric.thresholds import MAX_FALSE_ALARM_RATE
@@ -47,12 +32,15 @@ from evenlight.analysis.calibration.rate_limit.conditions import (
     Condition,
     ConditionEffect,
     allowed_references,
+    effect_with_interval,
 )
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
     CurveBasis,
     RateLimitOptions,
+    band_luminances,
 )
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import condition_notes, shape_notes
+from evenlight.analysis.wording import percent
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import RampTrial
@@ -60,60 +48,36 @@ from evenlight.data_schema.recordings.ramp import RampTrial
 CURVES_DRAWN = 4000  # Monte Carlo error of a 95 % band's level: 0.3 %
 SEED = 1
 STAGES = 4  # of the fit, for a progress bar
+LEAST_INFORMATION = 1.0  # on ln(ratio): a standard error of 1; less says nothing of a participant's effect
 
 
 @dataclass(frozen=True, slots=True)
 class JointFit:
     """The population's rate limit from all answers, and what has to be known to trust it.
 
-    Attributes
-    ----------
-    basis, coefficients : CurveBasis, array (degree + 1,)
-        The polynomial of ln(rate).
-    band_luminance : array (97,)
-        Where the bands are sampled [cd/m^2]; a single one where the answers are at one luminance.
-    simultaneous_lower, simultaneous_upper, pointwise_lower, pointwise_upper : array (97,)
-        Edges [cd/m^2/s]: of the whole curve, and of the curve at each luminance. Not of the polynomial:
-        they hold the uncertainty of the shape.
-    participant_sd, level_sd : SpreadEstimate
-        σ_u between participants, and τ of a participant's levels about their own curve, in ln(rate).
-    width, lapse_rate : float
-        The median person's width, and the mean lapse rate.
-    participants : tuple of ParticipantFactor
-        One per participant counted.
-    shapes : tuple of ShapeScore
-        Predictive scores of the shapes.
-    reference, effects : Condition, tuple of ConditionEffect
-        The ramps that the curve is for, and how the thresholds of others compare.
-    falls_surely : bool
-        Whether a curve that does not fall was asked for, and none lies within the simultaneous band.
-    left_out : tuple of str
-        Participants with too many false alarms.
-    n_trials : int
-        Ramps answered.
-    notes : tuple of str
-        What a reader should know, as sentences.
+    The bands are not those of the polynomial: they hold the uncertainty of the shape.
     """
 
-    basis: CurveBasis
-    coefficients: Array
+    basis: CurveBasis  # of the polynomial of ln(rate)
+    coefficients: Array  # (degree + 1,)
+    # Where the bands are sampled [cd/m^2], (97,); a single one where the answers are at one luminance
     band_luminance: Array
-    simultaneous_lower: Array
+    simultaneous_lower: Array  # edges of the whole curve [cd/m^2/s], (97,)
     simultaneous_upper: Array
-    pointwise_lower: Array
+    pointwise_lower: Array  # and of the curve at each luminance
     pointwise_upper: Array
-    participant_sd: SpreadEstimate
-    level_sd: SpreadEstimate
-    width: float
-    lapse_rate: float
-    participants: tuple[ParticipantFactor, ...]
-    shapes: tuple[ShapeScore, ...]
-    reference: Condition
-    effects: tuple[ConditionEffect, ...]
-    falls_surely: bool
-    left_out: tuple[str, ...]
-    n_trials: int
-    notes: tuple[str, ...]
+    participant_sd: SpreadEstimate  # σ_u between participants, in ln(rate)
+    level_sd: SpreadEstimate  # τ of a participant's levels about their own curve
+    width: float  # the median person's
+    lapse_rate: float  # mean
+    participants: tuple[ParticipantFactor, ...]  # those counted
+    shapes: tuple[ShapeScore, ...]  # compared
+    reference: Condition  # the ramps that the curve is for
+    effects: tuple[ConditionEffect, ...]  # how the thresholds of others compare
+    falls_surely: bool  # whether one that does not fall was asked for, and none lies within the band
+    left_out: tuple[str, ...]  # participants with too many false alarms
+    n_trials: int  # ramps answered
+    notes: tuple[str, ...]  # what a reader should know, as sentences
 
 
 def fit_joint(
@@ -145,11 +109,10 @@ def fit_joint(
     population, reference, others = _population(tables, options)
     report(2, STAGES)
     smooth = smoothed(population.tables, population.central.spread.level_sd)
-    shapes, shape = scored_shapes(population, smooth, (options.form, options.degree))
-    found = fitted_polynomial(shape, population, smooth, options.monotone)
+    shapes, shape, found = compared_shapes(population, smooth, options)
     report(3, STAGES)
     draws = population.draws(CURVES_DRAWN, np.random.default_rng(SEED))
-    effects = condition_effects(population, draws, (reference, others))
+    effects = _condition_effects(population, draws, (reference, others))
     fit = JointFit(
         basis=shape.basis,
         coefficients=found[: shape.basis.degree + 1],
@@ -168,13 +131,7 @@ def fit_joint(
 
 
 def _without_false_alarmers(trials: Sequence[RampTrial]) -> tuple[list[RampTrial], tuple[str, ...]]:
-    """Return the trials without those who say "yes" to nothing more often than not, and who these are."""
-    tasks = sorted({trial.procedure.value for trial in trials})
-    if len(tasks) > 1:
-        raise InputError(
-            f"answers of {' and '.join(tasks)} do not compare (75 % of what?), and make no common rate "
-            f"limit; choose the procedure {tasks[0]} or {tasks[1]}"
-        )
+    """Leave out those who say "yes" to nothing more often than not, and tell who these are."""
     left_out = tuple(
         sorted(who for who, (yes, n) in catch_counts(trials).items() if yes > MAX_FALSE_ALARM_RATE * n)
     )
@@ -182,7 +139,7 @@ def _without_false_alarmers(trials: Sequence[RampTrial]) -> tuple[list[RampTrial
     if all(trial.is_catch for trial in counted):
         raise InputError(
             f"no ramps are left to fit, got {len(trials)} trials and {len(left_out)} participants with more "
-            f"than {MAX_FALSE_ALARM_RATE:.0%} false alarms; a rate limit needs answers to ramps"
+            f"than {percent(MAX_FALSE_ALARM_RATE, 0)} false alarms; a rate limit needs answers to ramps"
         )
     return counted, left_out
 
@@ -234,8 +191,9 @@ def _bands(
     A band within which every curve falls somewhere stays as it is: the answers speak against what was asked.
     """
     basis, coefficients = fitted
-    luminance = band_luminances(population.tables.luminance)
-    curves = drawn_curves(population, draws, luminance)
+    measured = population.tables.luminance
+    luminance = band_luminances(float(measured.min()), float(measured.max()))
+    curves = _drawn_curves(population, draws, luminance)
     curve = np.full(luminance.size, coefficients[0])
     if basis.degree:
         curve = basis.design(luminance) @ coefficients[: basis.degree + 1]
@@ -251,24 +209,22 @@ def _bands(
 
 
 def _people(population: PopulationCurve) -> dict[str, Any]:
-    """Return what is found of the participants: spreads, width, lapse rate, factors."""
     spreads, central = [node.spread for node in population.nodes], population.central
     lapses = (central.evaluation.of_nodes * population.tables.lapse_rate).sum(axis=1)
     return {
-        "participant_sd": spread_estimate([one.participant_sd for one in spreads], population.weights),
-        "level_sd": spread_estimate([one.level_sd for one in spreads], population.weights),
+        "participant_sd": _spread_estimate([one.participant_sd for one in spreads], population.weights),
+        "level_sd": _spread_estimate([one.level_sd for one in spreads], population.weights),
         "width": float(np.exp(central.spread.width_mean)),
         "lapse_rate": float(lapses.mean()),
-        "participants": participant_factors(population),
+        "participants": _participant_factors(population),
     }
 
 
 def _notes(fit: JointFit, options: RateLimitOptions, spare: int) -> tuple[str, ...]:
-    """Return what a reader of the curve should know."""
     notes = []
     if fit.left_out:
         notes.append(
-            f"Left out for saying yes in more than {MAX_FALSE_ALARM_RATE:.0%} of the catch trials: "
+            f"Left out for saying yes in more than {percent(MAX_FALSE_ALARM_RATE, 0)} of the catch trials: "
             f"{', '.join(fit.left_out)}."
         )
     alike = [person.participant_id for person in fit.participants if person.all_alike]
@@ -296,3 +252,136 @@ def _notes(fit: JointFit, options: RateLimitOptions, spare: int) -> tuple[str, .
         notes += shape_notes(fit.basis, fit.coefficients, spare)
     chosen = options.direction is not None or options.ramp_duration is not None
     return (*notes, *condition_notes(fit.reference, fit.effects, chosen))
+
+
+@dataclass(frozen=True, slots=True)
+class SpreadEstimate:
+    """A standard deviation of ln(threshold): posterior median and 95 % credible interval."""
+
+    value: float
+    ci_low: float
+    ci_high: float
+
+
+@dataclass(frozen=True, slots=True)
+class ParticipantFactor:
+    """A participant's thresholds as a multiple of the population's curve, e^{u_p}."""
+
+    participant_id: str
+    factor: float  # posterior median
+    ci_low: float  # 95 % credible interval
+    ci_high: float
+    width: float  # of the psychometric function
+    all_alike: bool  # whether all answers were alike: they bound the factor from one side only
+
+
+def _drawn_curves(population: PopulationCurve, coefficients: Array, luminance: Array) -> Array:
+    """Return ln(rate) of curves at luminances, (curves, luminances), of coefficients drawn, (curves, q)."""
+    n_shape = population.prior.n_shape
+    columns = smooth_basis(population.tables.luminance).design(luminance)[:, :n_shape]
+    return np.asarray(coefficients[:, :n_shape] @ columns.T)
+
+
+def pointwise_band(curves: Array, level: float) -> tuple[Array, Array]:
+    """Return the edges between which the curve lies at a luminance, for each of them."""
+    lower, upper = np.quantile(curves, [(1 - level) / 2, (1 + level) / 2], axis=0)
+    return lower, upper
+
+
+def simultaneous_band(curves: Array, level: float) -> tuple[Array, Array]:
+    """Return the edges between which the whole curve lies: mean ± c · standard deviation.
+
+    c is the quantile of the largest deviation of a curve anywhere, in standard deviations there.
+
+    >>> straight = np.linspace(-1, 1, 201)[:, None] * np.ones((1, 3))  # curves that move as a whole
+    >>> lower, upper = simultaneous_band(straight, 0.9)
+    >>> upper.round(6).tolist()
+    [0.9, 0.9, 0.9]
+    """
+    middle, sd = curves.mean(axis=0), curves.std(axis=0)
+    largest = np.max(np.abs(curves - middle) / sd, axis=1)
+    half = float(np.quantile(largest, level)) * sd
+    return middle - half, middle + half
+
+
+def narrowed_to_rising(lower: Array, upper: Array) -> tuple[Array, Array] | None:
+    """Return the part of a band that a curve which does not fall can run through; None if none can.
+
+    If such a curve lies in the band, it is at least the lower edge's highest value so far, and at most the
+    upper edge's lowest value from there on.
+
+    >>> narrowed = narrowed_to_rising(np.array([1.0, 0.5, 2.0]), np.array([3.0, 5.0, 4.0]))
+    >>> [edge.tolist() for edge in narrowed]
+    [[1.0, 1.0, 2.0], [3.0, 4.0, 4.0]]
+    >>> narrowed_to_rising(np.array([2.0, 0.5]), np.array([3.0, 1.0])) is None
+    True
+    """
+    highest = np.maximum.accumulate(lower)
+    lowest = np.minimum.accumulate(upper[::-1])[::-1]
+    return (highest, lowest) if (highest <= lowest).all() else None
+
+
+def _participant_factors(population: PopulationCurve) -> tuple[ParticipantFactor, ...]:
+    """Return the factor of each participant, over all sizes of the spreads."""
+    tables = population.tables
+    u = max((node.evaluation.u for node in population.nodes), key=len)
+    masses = np.zeros((len(tables.participants), u.size))
+    for node, weight in zip(population.nodes, population.weights, strict=True):
+        seen = node.evaluation
+        low = round((seen.u[0] - u[0]) / (u[1] - u[0]))
+        masses[:, low : low + seen.u.size] += weight * seen.of_u
+    seen = population.central.evaluation
+    widths = np.exp((seen.of_nodes * tables.ln_width).sum(axis=1))
+    ends = [np.exp(_quantiles(u, own)).tolist() for own in masses]
+    return tuple(
+        ParticipantFactor(who, middle, low, high, width, alike)
+        for who, (low, middle, high), width, alike in zip(
+            tables.participants, ends, widths.tolist(), tables.all_alike.tolist(), strict=True
+        )
+    )
+
+
+def _spread_estimate(values: Sequence[float], weights: Array) -> SpreadEstimate:
+    """Return the estimate of a standard deviation from the masses of its values."""
+    distinct, place = np.unique(np.asarray(values, dtype=np.float64), return_inverse=True)
+    masses = np.asarray(np.bincount(place, weights), dtype=np.float64)
+    low, middle, high = np.exp(_quantiles(np.log(distinct), masses)).tolist()
+    return SpreadEstimate(middle, low, high)
+
+
+def _quantiles(nodes: Array, masses: Array) -> Array:
+    """Return 2.5, 50 and 97.5 % points; half of a node's mass lies below the node."""
+    cumulative = (np.cumsum(masses) - masses / 2) / masses.sum()
+    return np.interp([0.025, 0.5, 0.975], cumulative, nodes)
+
+
+def _condition_effects(
+    population: PopulationCurve, draws: Array, conditions: tuple[Condition, Sequence[Condition]]
+) -> tuple[ConditionEffect, ...]:
+    """Return the effects of conditions, given as in `_population`, from coefficients drawn, (n, q).
+
+    The posterior assumes the same ratio for everyone. Where three participants or more saw both conditions,
+    the scatter of their own ratios gives another error, and the larger one is stated.
+    """
+    reference, others = conditions
+    found = []
+    for k, condition in enumerate(others):
+        column = draws[:, population.prior.n_shape + k]
+        own = _own_differences(population, condition, reference)
+        pair = condition, reference
+        found.append(effect_with_interval(pair, float(column.mean()), float(column.std()), own))
+    return tuple(found)
+
+
+def _own_differences(population: PopulationCurve, condition: Condition, reference: Condition) -> list[float]:
+    """Return how far each participant's own effect of a condition lies from everyone's, to first order."""
+    seen, levels = population.central.evaluation, population.tables.levels
+    of_levels = [Condition(level.direction, level.ramp_duration) for level in levels]
+    estimates = []
+    for one in (condition, reference):
+        cells = np.array([own == one for own in of_levels])
+        slope, information = seen.slope[cells].sum(axis=0), seen.cell_information[cells].sum(axis=0)
+        known = information > LEAST_INFORMATION
+        estimates.append(np.where(known, slope / np.where(known, information, 1.0), np.nan))
+    difference = estimates[0] - estimates[1]
+    return [float(value) for value in difference if np.isfinite(value)]

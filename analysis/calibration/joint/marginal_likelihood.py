@@ -1,5 +1,9 @@
 """The likelihood of all answers given the population's curve, everything of single participants summed over.
 
+The answers of a participant at a level are a table of log-likelihood over ln(threshold / L), evenly spaced,
+and over nodes of what is not the threshold: width, guess and lapse rate. It is made once; the joint model
+then only shifts, smooths and adds up tables.
+
 ln threshold_pl = f_l + u_p + v_pl. v_pl is summed over by smoothing the tables of likelihood along
 ln(threshold), u_p over the nodes of the same grid, width and asymptotes over theirs. Gradient and curvature
 in f come with the value: they are means and covariances over those nodes.
@@ -7,16 +11,38 @@ in f come with the value: they are means and covariances over those nodes.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage, special
 
-from evenlight.analysis.calibration.joint.answer_tables import WIDTHS, AnswerTables
-from evenlight.data_schema.arrays import Array
+from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    MAX_GUESS,
+    MAX_LAPSE,
+    guess_prior,
+    lapse_prior,
+    ln_likelihood,
+)
+from evenlight.analysis.calibration.psychometric.ramp_counts import (
+    RampCounts,
+    RampLevelKey,
+    counts_by_participant_and_level,
+    joined_levels,
+    level_order,
+)
+from evenlight.data_schema.arrays import Array, Mask
+from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.method.compiled_loop import compiled_loop
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 
+LARGEST_STEP = 0.07  # of ln(threshold): the narrowest functions that count rise over 0.4
+SMALLEST_STEP = 0.02
+BEYOND = 3.0  # ln units by which the grid goes past the rates tested; beyond, the likelihood is flat
+WIDTHS = np.geomspace(0.4, 10.0, 15)
+LAPSE_NODES, GUESS_NODES = 4, 3
+LARGEST_LOGIT = 60.0  # F differs from 0 or 1 by 1e-26 there
 REACH = 4.5  # standard deviations of u_p that are summed over
 FINER = 2  # nodes of u_p to a step of the tables: with many answers u_p is known to a step's width
 ELEMENTS = 600_000  # of an array: as many participants at a time as a processor's cache holds
@@ -24,47 +50,130 @@ FARTHEST = 5.0  # ln units: more than any person differs from another
 
 
 @dataclass(frozen=True, slots=True)
-class Spread:
-    """How participants differ.
+class AnswerTables:
+    """The log-likelihood of all answers, over thresholds and nodes of width, guess and lapse rate.
 
-    Attributes
-    ----------
-    participant_sd, level_sd : float
-        σ_u of ln(threshold) between participants, and τ of a participant's levels about their own curve.
-    width_mean, width_sd : float
-        Of ln(width) over participants.
+    P participants, C levels of the population, T thresholds, K nodes of what is not the threshold.
     """
 
-    participant_sd: float
-    level_sd: float
-    width_mean: float
+    participants: tuple[str, ...]
+    levels: tuple[RampLevelKey, ...]
+    start: float  # first node of ln(threshold / L)
+    step: float  # from one to the next
+    ln_likelihood: Array  # (C, P, T, K); 0 where a participant has no answers
+    all_alike: Mask  # (P,): who gave one answer only, or of two intervals was right by chance at best
+    ln_width: Array  # (P, K): the nodes
+    lapse_rate: Array
+    ln_weight: Array  # prior mass of their guess and lapse rate
+
+    @property
+    def luminance(self) -> Array:
+        """Each level's luminance [cd/m^2], shape (C,)."""
+        return np.array([level.luminance for level in self.levels])
+
+    def with_nodes(self, chosen: NDArray[np.intp]) -> AnswerTables:
+        """Return the tables with some of each participant's nodes, by number, shape (P, fewer)."""
+        take = np.take_along_axis
+        return replace(
+            self,
+            ln_likelihood=take(self.ln_likelihood, chosen[None, :, None, :], axis=3),
+            ln_width=take(self.ln_width, chosen, axis=1),
+            lapse_rate=take(self.lapse_rate, chosen, axis=1),
+            ln_weight=take(self.ln_weight, chosen, axis=1),
+        )
+
+
+def answer_tables(trials: Sequence[RampTrial]) -> AnswerTables:
+    """Return the tables of some trials, all of one task.
+
+    Rates are taken relative to the luminance that they were shown at, and calibrations of one level are
+    joined. Where thresholds grow as L^0.8 to L^1.2, one 2.5 % off the level's mean is so moved by 0.5 %.
+
+    Parameters
+    ----------
+    trials : sequence of RampTrial
+        Ramps and catch trials; of yes/no, the catch trials tell each participant's guess rate.
+    """
+    counts = counts_by_participant_and_level(trials)
+    participants = tuple(dict.fromkeys(who for who, _ in counts))
+    joined = joined_levels(level for _, level in counts)
+    levels = tuple(sorted(set(joined.values()), key=level_order))
+    relative = [np.log(own.rates / level.luminance) for (_, level), own in counts.items()]
+    most = max(int(own.n_trials.sum()) for own in counts.values())
+    step = float(np.clip(most**-0.5, SMALLEST_STEP, LARGEST_STEP))
+    start = min(float(x[0]) for x in relative) - BEYOND
+    nodes = np.arange(start, max(float(x[-1]) for x in relative) + BEYOND, step)
+    first = {who: own for (who, _), own in reversed(counts.items())}
+    grids = [_nuisance_nodes(first[who]) for who in participants]
+    table = np.zeros((len(levels), len(participants), nodes.size, grids[0].shape[1]))
+    for ((who, level), own), x in zip(counts.items(), relative, strict=True):
+        place = levels.index(joined[level]), participants.index(who)
+        table[place] += _ln_likelihood(own, x, nodes, grids[place[1]])
+    ln_width, _, lapse, ln_weight = (np.array([grid[k] for grid in grids]) for k in range(4))
+    alike = np.array(
+        [_all_alike([own for (p, _), own in counts.items() if p == who]) for who in participants]
+    )
+    return AnswerTables(participants, levels, start, step, table, alike, ln_width, lapse, ln_weight)
+
+
+def _all_alike(counts: Sequence[RampCounts]) -> bool:
+    """Return whether a participant's answers leave their threshold open to one side."""
+    yes = sum(int(own.n_yes.sum()) for own in counts)
+    total = sum(int(own.n_trials.sum()) for own in counts)
+    return yes == total or yes <= (counts[0].guess_rate or 0.0) * total
+
+
+def _nuisance_nodes(counts: RampCounts) -> Array:
+    """Return ln(width), guess rate, lapse rate and the logarithm of the latter two's mass, shape (4, K)."""
+    guess = np.array([[counts.guess_rate or 0.0], [1.0]])
+    if counts.guess_rate is None:
+        after = guess_prior(counts.catch_yes, counts.catch_trials)
+        guess = _beta_nodes(*after, MAX_GUESS, GUESS_NODES)
+    lapse = _beta_nodes(*lapse_prior(counts.guess_rate), MAX_LAPSE, LAPSE_NODES)
+    ln_width, g, m = np.meshgrid(np.log(WIDTHS), guess[0], lapse[0], indexing="ij")
+    mass = np.broadcast_to(np.outer(guess[1], lapse[1]), ln_width.shape)
+    return np.array([ln_width.ravel(), g.ravel(), m.ravel(), np.log(mass.ravel())])
+
+
+def _beta_nodes(a: float, b: float, largest: float, size: int) -> Array:
+    """Return nodes of a Beta density below a limit and their masses: Gauss-Legendre in its own quantiles."""
+    z, weights = special.roots_legendre(size)
+    share = float(special.betainc(a, b, largest))
+    return np.array([special.betaincinv(a, b, share * (z + 1) / 2), weights / 2])
+
+
+def _ln_likelihood(counts: RampCounts, x: Array, nodes: Array, nuisance: Array) -> Array:
+    """Return the log-likelihood of one participant's answers at one level, shape (T, K)."""
+    ln_width, guess, lapse, _ = nuisance
+    slope = WIDTH_LOGITS * np.exp(-ln_width)
+    at_threshold = np.log((THRESHOLD_PROBABILITY - guess) / (1 - THRESHOLD_PROBABILITY - lapse))
+    logits = ((place - nodes)[:, None] * slope + at_threshold for place in x)
+    odds = (np.exp(np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)) for logit in logits)
+    return ln_likelihood(counts, odds, guess, lapse, np.zeros((nodes.size, ln_width.size)))
+
+
+@dataclass(frozen=True, slots=True)
+class Spread:
+    """How participants differ."""
+
+    participant_sd: float  # σ_u of ln(threshold) between participants
+    level_sd: float  # τ of a participant's levels about their own curve
+    width_mean: float  # of ln(width) over participants
     width_sd: float
 
 
 @dataclass(frozen=True, slots=True)
 class Evaluation:
-    """The marginal log-likelihood at a curve, and what the answers say about the participants there.
-
-    Attributes
-    ----------
-    value, gradient, curvature : float, array (C,), array (C, C)
-        Log-likelihood; its derivatives in the ordinates of the curve at the levels.
-    u : array (U,)
-        Nodes of the participants' deviations.
-    of_u, of_nodes : array (P, U), array (P, K)
-        Posterior mass of each participant's deviation, and of width and asymptotes.
-    slope, cell_information : array (C, P)
-        Of each cell's log-likelihood in its own ordinate: mean derivative and minus mean second derivative.
-    """
+    """The marginal log-likelihood at a curve, and what the answers say about the participants there."""
 
     value: float
-    gradient: Array
-    curvature: Array
-    u: Array
-    of_u: Array
-    of_nodes: Array
-    slope: Array
-    cell_information: Array
+    gradient: Array  # in the ordinates of the curve at the levels, (C,)
+    curvature: Array  # (C, C)
+    u: Array  # nodes of the participants' deviations, (U,)
+    of_u: Array  # posterior mass of each participant's deviation, (P, U)
+    of_nodes: Array  # and of width and asymptotes, (P, K)
+    slope: Array  # of each cell's log-likelihood in its own ordinate, mean, (C, P)
+    cell_information: Array  # minus its mean second derivative, (C, P)
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +205,6 @@ class SmoothTables:
         return Evaluation(float(value), slope.sum(axis=1), curvature, u, of_u, of_nodes, slope, -bend)
 
     def _summed(self, f: Array, reach: int, people: slice, ln_prior: Array) -> tuple[Array, ...]:
-        """Return what some participants add to likelihood and curvature, and what is their own."""
         values, first, second = self._shifted(f, reach, people)
         ln_joint = ln_prior + values.sum(axis=0)
         each = special.logsumexp(ln_joint, axis=(1, 2))
@@ -144,7 +252,6 @@ def smoothed(tables: AnswerTables, level_sd: float) -> SmoothTables:
 
 
 def _ln_masses(u: Array, sd: float) -> Array:
-    """Return the logarithms of the masses of evenly spaced nodes under a normal distribution."""
     ln_density = -0.5 * (u / sd) ** 2
     return np.asarray(ln_density - special.logsumexp(ln_density))
 

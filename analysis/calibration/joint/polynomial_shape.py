@@ -31,6 +31,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm
 
+Kind = tuple[RateLimitForm, int]
 # Power law, its quadratic and cubic, and the authors' curve
 CANDIDATES = (
     (RateLimitForm.LOG_LOG, 1),
@@ -44,50 +45,26 @@ SLOPE_SAMPLES = 65  # at which a monotone curve may not fall
 
 @dataclass(frozen=True, slots=True)
 class ShapeScore:
-    """How well a shape predicts the answers at a luminance from those at all others.
-
-    Attributes
-    ----------
-    form, degree : RateLimitForm, int
-        The shape.
-    score : float or None
-        Log predictive density, summed over the luminances; None with too few of them.
-    standard_error : float or None
-        Of the difference to the best score; 0 for the best.
-    chosen : bool
-        Whether the curve has this shape.
-    """
+    """How well a shape predicts the answers at a luminance from those at all others."""
 
     form: RateLimitForm
     degree: int
-    score: float | None
-    standard_error: float | None
-    chosen: bool
+    score: float | None  # log predictive density, summed over the luminances; None with too few of them
+    standard_error: float | None  # of the difference to the best score; 0 for the best
+    chosen: bool  # whether the curve has this shape
+    coefficients: tuple[float, ...]  # of the fitted curve of this shape
 
 
 @dataclass(frozen=True, slots=True)
 class Shape:
-    """A polynomial with the effects of conditions.
-
-    Attributes
-    ----------
-    basis, design, centre : CurveBasis, array (C, d), array (d,)
-        Of the curve; polynomials and indicators at each level; weak prior mean.
-    """
+    """A polynomial with the effects of conditions."""
 
     basis: CurveBasis
-    design: Array
-    centre: Array
+    design: Array  # polynomials and indicators at each level, (C, d)
+    centre: Array  # weak prior mean, (d,)
 
 
-def shape_of(form: RateLimitForm, degree: int, population: PopulationCurve) -> Shape:
-    """Return a shape for the levels of a population's curve.
-
-    Raises
-    ------
-    InputError
-        If there are too few luminances for it.
-    """
+def _shape_of(form: RateLimitForm, degree: int, population: PopulationCurve) -> Shape:
     prior = population.prior
     luminance = population.tables.luminance
     distinct = int(luminance_groups(luminance).max()) + 1
@@ -102,49 +79,48 @@ def shape_of(form: RateLimitForm, degree: int, population: PopulationCurve) -> S
     return Shape(basis, design, np.asarray(centre))
 
 
-def scored_shapes(
-    population: PopulationCurve, smooth: SmoothTables, wanted: tuple[RateLimitForm | None, int | None]
-) -> tuple[tuple[ShapeScore, ...], Shape]:
-    """Return the scores of all shapes that the luminances allow, and the shape chosen.
+def compared_shapes(
+    population: PopulationCurve, smooth: SmoothTables, options: RateLimitOptions
+) -> tuple[tuple[ShapeScore, ...], Shape, Array]:
+    """Return all shapes that the luminances allow, scored and fitted; the one chosen, and its coefficients.
 
-    Parameters
-    ----------
-    population, smooth : PopulationCurve, SmoothTables
-        The smooth curve; the tables, smoothed by the level scatter of its central node.
-    wanted : (RateLimitForm or None, int or None)
-        Form and degree asked for; None where the score shall choose.
+    The tables are smoothed by the level scatter of the central node. Where the options leave form or degree
+    open, the score chooses.
     """
     distinct = int(luminance_groups(population.tables.luminance).max()) + 1
-    eligible = _eligible(distinct, wanted)
-    if distinct == 1:
-        return (ShapeScore(*eligible[0], None, None, True),), shape_of(*eligible[0], population)
+    eligible = _eligible(distinct, options)
     others = [kind for kind in CANDIDATES if kind not in eligible and kind[1] <= distinct - 2]
     possible = _possible(population, eligible, others)
-    eligible = [kind for kind in eligible if kind in possible]
     kinds, shapes = list(possible), list(possible.values())
-    densities = _left_out_densities(population, smooth, shapes)
-    known = [kind[1] <= distinct - 2 for kind in kinds]
-    scores = np.where(known, densities.sum(axis=1), -np.inf)
-    chosen = int(np.argmax(scores[: len(eligible)]))
-    best = densities[int(np.argmax(scores))]
-    errors = (densities - best).std(axis=1, ddof=1) * distinct**0.5
+    known = [degree <= distinct - 2 for _, degree in kinds]
+    scores, errors = np.zeros((2, 1))
+    if distinct > 1:
+        densities = _left_out_densities(population, smooth, shapes)
+        scores = np.where(known, densities.sum(axis=1), -np.inf)
+        errors = (densities - densities[np.argmax(scores)]).std(axis=1, ddof=1) * distinct**0.5
+    chosen = int(np.argmax(scores[: sum(kind in eligible for kind in kinds)]))
+    curves = [_fitted(shape, population, smooth, options.monotone) for shape in shapes]
     table = tuple(
-        ShapeScore(*kind, float(score) if there else None, float(error) if there else None, k == chosen)
-        for k, (kind, score, error, there) in enumerate(zip(kinds, scores, errors, known, strict=True))
+        ShapeScore(
+            *kind,
+            score=float(scores[k]) if known[k] else None,
+            standard_error=float(errors[k]) if known[k] else None,
+            chosen=k == chosen,
+            coefficients=tuple(curves[k][: kind[1] + 1].tolist()),
+        )
+        for k, kind in enumerate(kinds)
     )
-    return table, shapes[chosen]
+    return table, shapes[chosen], curves[chosen]
 
 
 def _possible(
-    population: PopulationCurve,
-    eligible: Sequence[tuple[RateLimitForm, int]],
-    others: Sequence[tuple[RateLimitForm, int]],
-) -> dict[tuple[RateLimitForm, int], Shape]:
+    population: PopulationCurve, eligible: Sequence[Kind], others: Sequence[Kind]
+) -> dict[Kind, Shape]:
     """Return the shapes that the levels allow, those to choose from first; or refuse."""
     possible, refused = {}, None
     for kind in (*eligible, *others):
         try:
-            possible[kind] = shape_of(*kind, population)
+            possible[kind] = _shape_of(*kind, population)
         except InputError as error:
             refused = refused or error
     if refused and not any(kind in possible for kind in eligible):
@@ -152,11 +128,9 @@ def _possible(
     return possible
 
 
-def _eligible(
-    distinct: int, wanted: tuple[RateLimitForm | None, int | None]
-) -> list[tuple[RateLimitForm, int]]:
+def _eligible(distinct: int, options: RateLimitOptions) -> list[Kind]:
     """Return the shapes to choose from: those that a luminance can be left out of, or the simplest."""
-    form, degree = wanted
+    form, degree = options.form, options.degree
     if form is RateLimitForm.RATE:
         raise InputError(
             "the joint model describes ln(rate), got the form rate; choose ln_rate or log_log, or fit the "
@@ -199,18 +173,8 @@ def _ln_evidence(shape: Shape, kept: NDArray[np.intp], f: Array, seen: Evaluatio
     return float(at_centre + 0.5 * move @ gradient + ln_volume)
 
 
-def fitted_polynomial(
-    shape: Shape, population: PopulationCurve, smooth: SmoothTables, monotone: bool
-) -> Array:
-    """Return the coefficients of a shape: their mode at the central spreads, moved to the mixture's mean.
-
-    Parameters
-    ----------
-    shape, population, smooth
-        As in `scored_shapes`.
-    monotone : bool
-        Whether the curve must not fall with luminance.
-    """
+def _fitted(shape: Shape, population: PopulationCurve, smooth: SmoothTables, monotone: bool) -> Array:
+    """Return the coefficients of a shape: their mode at the central spreads, moved to the mixture's mean."""
     node, ln_luminance = population.central, np.log(population.tables.luminance)
     weak = np.eye(shape.centre.size) / WEAK_SD**2
     quadratic = _solved(shape, population, node.evaluation, node.at)

@@ -14,14 +14,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
-from evenlight.analysis.calibration.joint.answer_tables import AnswerTables
 from evenlight.analysis.calibration.joint.marginal_likelihood import (
+    AnswerTables,
     Evaluation,
     SmoothTables,
     Spread,
     smoothed,
 )
-from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricPrior
+from evenlight.analysis.calibration.psychometric.psychometric_fit import WIDTH_PRIOR
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import CurveBasis
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.rate_limit import RateLimitForm
@@ -47,44 +47,25 @@ TYPICAL_DEVIATION = 0.2
 
 @dataclass(frozen=True, slots=True)
 class CurveNode:
-    """The curve at one size of the spreads.
-
-    Attributes
-    ----------
-    spread, deviation : Spread, float
-        The sizes.
-    at, ln_evidence : array (q,), float
-        Where the answers' likelihood was evaluated, and the logarithm of the node's weight.
-    mean, precision : array (q,), array (q, q)
-        Of the coefficients' normal posterior.
-    evaluation : Evaluation
-        The likelihood there.
-    """
+    """The curve at one size of the spreads."""
 
     spread: Spread
-    deviation: float
-    at: Array
-    ln_evidence: float
-    mean: Array
-    precision: Array
+    deviation: float  # size of the smooth deviation
+    at: Array  # where the answers' likelihood was evaluated, (q,)
+    ln_evidence: float  # logarithm of the node's weight
+    mean: Array  # of the coefficients' normal posterior, (q,)
+    precision: Array  # (q, q)
     evaluation: Evaluation
 
 
 @dataclass(frozen=True, slots=True)
 class CurvePrior:
-    """The design of the levels, and what is known of its coefficients before the first answer.
+    """The design of the levels, and what is known of its coefficients before the first answer."""
 
-    Attributes
-    ----------
-    design : array (C, q)
-        Legendre polynomials of each level, then indicators of conditions other than the reference.
-    centre, n_shape : array (q,), int
-        Prior mean; how many of the columns are the curve's.
-    """
-
+    # Legendre polynomials of each level, then indicators of conditions other than the reference, (C, q)
     design: Array
-    centre: Array
-    n_shape: int
+    centre: Array  # prior mean, (q,)
+    n_shape: int  # how many of the columns are the curve's
 
     def precision(self, deviation: float) -> Array:
         """Return the diagonal of the prior's precision, for a size of the smooth deviation."""
@@ -96,23 +77,13 @@ class CurvePrior:
 
 @dataclass(frozen=True, slots=True)
 class PopulationCurve:
-    """The posterior of the population's curve.
-
-    Attributes
-    ----------
-    prior, tables : CurvePrior, AnswerTables
-        What it is made from; the tables with the nodes that matter.
-    nodes, weights : tuple of CurveNode, array
-        The mixture.
-    central : CurveNode
-        The most probable of them.
-    """
+    """The posterior of the population's curve: a mixture of nodes."""
 
     prior: CurvePrior
-    tables: AnswerTables
+    tables: AnswerTables  # with the nodes of width and asymptotes that matter
     nodes: tuple[CurveNode, ...]
     weights: Array
-    central: CurveNode
+    central: CurveNode  # the most probable
 
     def draws(self, size: int, rng: np.random.Generator) -> Array:
         """Return coefficients drawn from the posterior, shape (size, q)."""
@@ -144,12 +115,7 @@ def smooth_basis(luminance: Array) -> CurveBasis:
 def curve_prior(tables: AnswerTables, indicators: Array) -> CurvePrior:
     """Return the prior of the curve's coefficients, about a relative rate amid those tested.
 
-    Parameters
-    ----------
-    tables : AnswerTables
-        Of the answers.
-    indicators : array (C, k)
-        1 where a level belongs to a condition other than the reference.
+    `indicators`, (C, k), are 1 where a level belongs to a condition other than the reference.
     """
     luminance = tables.luminance
     basis = smooth_basis(luminance)
@@ -169,7 +135,7 @@ def population_curve(tables: AnswerTables, prior: CurvePrior) -> PopulationCurve
     profile = []
     for level_sd in LEVEL_SDS.tolist():
         smooth = smoothed(tables, level_sd)
-        profile.append((smooth, best_of(nodes_at(smooth, prior, replace(spread, level_sd=level_sd), at))))
+        profile.append((smooth, _best_of(_nodes_at(smooth, prior, replace(spread, level_sd=level_sd), at))))
     best = max(node.ln_evidence for _, node in profile)
     nodes: list[CurveNode] = []
     for smooth, node in profile:
@@ -177,17 +143,16 @@ def population_curve(tables: AnswerTables, prior: CurvePrior) -> PopulationCurve
             nodes += _over_participant_sds(smooth, prior, node)
     ln_weights = np.array([node.ln_evidence for node in nodes])
     weights = np.exp(ln_weights - special.logsumexp(ln_weights))
-    return PopulationCurve(prior, tables, tuple(nodes), weights, best_of(nodes))
+    return PopulationCurve(prior, tables, tuple(nodes), weights, _best_of(nodes))
 
 
-def best_of(nodes: list[CurveNode]) -> CurveNode:
-    """Return the most probable node."""
+def _best_of(nodes: list[CurveNode]) -> CurveNode:
     return max(nodes, key=lambda node: node.ln_evidence)
 
 
 def _mode(tables: AnswerTables, prior: CurvePrior) -> tuple[AnswerTables, Spread, Array]:
     """Return the tables with the nodes that matter, the likeliest spreads but τ, and the curve's mode."""
-    middle = float(np.log(PsychometricPrior().width_median))
+    middle = float(np.log(WIDTH_PRIOR[0]))
     spread, at = Spread(0.35, 0.1, middle, WIDTH_SPREAD), prior.centre
     smooth = smoothed(tables, spread.level_sd)
     for done in range(ROUNDS):
@@ -254,22 +219,22 @@ def _updated(
 
 def _over_participant_sds(smooth: SmoothTables, prior: CurvePrior, start: CurveNode) -> list[CurveNode]:
     """Return the nodes of one τ: from the likeliest σ_u both ways until the rest is negligible."""
-    found = nodes_at(smooth, prior, start.spread, start.mean)
-    best = best_of(found).ln_evidence
+    found = _nodes_at(smooth, prior, start.spread, start.mean)
+    best = _best_of(found).ln_evidence
     for ratio in (SPREAD_RATIO, 1 / SPREAD_RATIO):
         sd, at = start.spread.participant_sd, start.mean
         while 0.01 < sd < 4.0:
             sd *= ratio
-            nodes = nodes_at(smooth, prior, replace(start.spread, participant_sd=sd), at)
+            nodes = _nodes_at(smooth, prior, replace(start.spread, participant_sd=sd), at)
             found += nodes
-            node = best_of(nodes)
+            node = _best_of(nodes)
             at, best = node.mean, max(best, node.ln_evidence)
             if node.ln_evidence < best - NEGLIGIBLE:
                 break
     return found
 
 
-def nodes_at(smooth: SmoothTables, prior: CurvePrior, spread: Spread, at: Array) -> list[CurveNode]:
+def _nodes_at(smooth: SmoothTables, prior: CurvePrior, spread: Spread, at: Array) -> list[CurveNode]:
     """Return the nodes of some spreads, one for each size of the smooth deviation."""
     at, seen = _climbed(smooth, prior, spread, at)
     own = information(prior.design, seen)

@@ -17,16 +17,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
+    GUESS_PRIOR,
+    LAPSE_PRIOR,
     MAX_GUESS,
     MAX_LAPSE,
-    PsychometricPrior,
+    THRESHOLD_FALLOFF,
+    WIDTH_PRIOR,
+    guess_prior,
+    lapse_prior,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
 
 REPLICATES = 299  # a p-value of 0.05 is known to 0.013, one of 0.01 to 0.006
@@ -44,64 +48,50 @@ FIRST_DAMPING = 0.01  # share of the curvature
 class GoodnessOfFit:
     """The deviance of answers from the most probable function, beside those of simulated answers.
 
-    Attributes
-    ----------
-    deviance : float
-        2 Σ k ln(k / nψ) + (n - k) ln((n - k) / n(1 - ψ)) over the bins.
-    p_value : float
-        Share of simulated data sets with at least this deviance, the real one counted among them.
-    n_bins : int
-        Rates, or groups of neighbouring rates.
-    simulated : array (n,)
-        Deviances of the simulated data sets; read-only.
+    The deviance is 2 Σ k ln(k / nψ) + (n - k) ln((n - k) / n(1 - ψ)) over the bins.
     """
 
     deviance: float
-    p_value: float
-    n_bins: int
-    simulated: Array
+    p_value: float  # share of the data sets with at least this deviance, the real one counted among them
+    simulated: Array  # deviances of the simulated data sets, read-only
 
 
-def goodness_of_fit(
-    counts: RampCounts, prior: PsychometricPrior | None = None, replicates: int = REPLICATES
-) -> GoodnessOfFit | None:
-    """Return how well a logistic function describes the answers at one level.
+@dataclass(frozen=True, slots=True)
+class AnswerSets:
+    """Several data sets with the rates, the numbers of trials and the guess rate of one."""
+
+    counts: RampCounts  # the one
+    success: Array  # at each rate, of each data set, (r, m)
+    catch_yes: Array  # "yes" in catch trials, (r,)
+
+    @property
+    def x(self) -> Array:
+        """ln(rate), shape (m,)."""
+        return np.asarray(np.log(self.counts.rates))
+
+
+def goodness_of_fit(counts: RampCounts, replicates: int = REPLICATES) -> GoodnessOfFit | None:
+    """Return how well a logistic function describes the answers; None with too few rates or trials for it.
 
     The random numbers are seeded by the answers: the same answers have the same p-value.
-
-    Parameters
-    ----------
-    counts : RampCounts
-        The answers.
-    prior : PsychometricPrior, optional
-        What was known before; of the fit to the answers and of those to the simulated ones.
-    replicates : int
-        Simulated data sets.
-
-    Returns
-    -------
-    GoodnessOfFit or None
-        None with too few rates or trials to judge by.
     """
-    prior = prior or PsychometricPrior()
     starts = bin_starts(counts.n_trials)
     if starts.size < LEAST_BINS:
         return None
-    given = SimulatedDataSets(
-        np.log(counts.rates),
-        counts.n_trials.astype(np.float64),
-        counts.n_yes[None, :].astype(np.float64),
-        np.array([float(counts.catch_yes)]),
-        counts.catch_trials,
-        counts.guess_rate,
-    )
-    fitted = most_probable(given, prior)
+    given = answered(counts)
+    fitted = most_probable(given)
     made = _simulated(given, fitted[0], np.random.default_rng(_seed(counts)), replicates)
-    refitted = most_probable(made, prior, start=fitted[0])
-    observed = float(_deviance(given, probabilities_of(fitted, given), starts)[0])
-    simulated = _deviance(made, probabilities_of(refitted, made), starts)
+    refitted = most_probable(made, start=fitted[0])
+    observed = float(_deviance(given, _probabilities_of(fitted, given), starts)[0])
+    simulated = _deviance(made, _probabilities_of(refitted, made), starts)
     simulated.flags.writeable = False
-    return GoodnessOfFit(observed, _share(observed, simulated), starts.size, simulated)
+    return GoodnessOfFit(observed, _share(observed, simulated), simulated)
+
+
+def answered(counts: RampCounts) -> AnswerSets:
+    """Return the answers themselves as the only data set."""
+    success = counts.n_yes[None, :].astype(np.float64)
+    return AnswerSets(counts, success, np.array([float(counts.catch_yes)]))
 
 
 def joint_p_value(fits: Sequence[GoodnessOfFit]) -> float | None:
@@ -116,7 +106,7 @@ def joint_p_value(fits: Sequence[GoodnessOfFit]) -> float | None:
     return _share(sum(fit.deviance for fit in fits), np.asarray(simulated, dtype=np.float64))
 
 
-def bin_starts(n_trials: NDArray[np.int64], least: int = LEAST_IN_BIN) -> NDArray[np.int64]:
+def bin_starts(n_trials: Integers, least: int = LEAST_IN_BIN) -> Integers:
     """Return where each bin of neighbouring rates begins, so that each holds enough trials.
 
     Adaptive placement asks many rates once or twice, and single answers have a deviance that says nothing:
@@ -136,36 +126,30 @@ def bin_starts(n_trials: NDArray[np.int64], least: int = LEAST_IN_BIN) -> NDArra
     return np.array(starts, dtype=np.int64)
 
 
-def _simulated(
-    given: SimulatedDataSets, parameters: Array, rng: np.random.Generator, replicates: int
-) -> SimulatedDataSets:
-    """Return data sets drawn from a function, catch trials included."""
-    probability = probabilities_of(parameters[None, :], given)[0]
-    n = given.n_trials.astype(np.int64)
+def _simulated(given: AnswerSets, parameters: Array, rng: np.random.Generator, replicates: int) -> AnswerSets:
+    counts, probability = given.counts, _probabilities_of(parameters[None, :], given)[0]
+    n = counts.n_trials.astype(np.int64)
     success = rng.binomial(n, probability, (replicates, n.size)).astype(np.float64)
     catch = np.zeros(replicates)
-    if given.guess_rate is None:
-        catch = rng.binomial(given.catch_trials, parameters[2], replicates).astype(np.float64)
-    return SimulatedDataSets(given.x, given.n_trials, success, catch, given.catch_trials, given.guess_rate)
+    if counts.guess_rate is None:
+        catch = rng.binomial(counts.catch_trials, parameters[2], replicates).astype(np.float64)
+    return AnswerSets(counts, success, catch)
 
 
-def _deviance(answers: SimulatedDataSets, probability: Array, starts: NDArray[np.int64]) -> Array:
-    """Return the deviance of each data set, over bins of rates."""
-    total = np.add.reduceat(answers.n_trials, starts)
+def _deviance(answers: AnswerSets, probability: Array, starts: Integers) -> Array:
+    total = np.add.reduceat(answers.counts.n_trials, starts)
     success = np.add.reduceat(answers.success, starts, axis=1)
-    expected = np.add.reduceat(answers.n_trials * probability, starts, axis=1)
+    expected = np.add.reduceat(answers.counts.n_trials * probability, starts, axis=1)
     failure, unexpected = total - success, total - expected
     terms = special.xlogy(success, success / expected) + special.xlogy(failure, failure / unexpected)
     return np.asarray(np.maximum(2 * np.sum(terms, axis=1), 0.0), dtype=np.float64)
 
 
 def _share(observed: float, simulated: Array) -> float:
-    """Return the Monte Carlo p-value of a deviance."""
     return float((1 + np.sum(simulated >= observed - TIE)) / (1 + simulated.size))
 
 
 def _seed(counts: RampCounts) -> int:
-    """Return a seed made from the answers."""
     digest = hashlib.sha256()
     for values in (counts.rates, counts.n_yes, counts.n_trials):
         digest.update(np.ascontiguousarray(values, dtype=np.float64).tobytes())
@@ -173,81 +157,46 @@ def _seed(counts: RampCounts) -> int:
     return int.from_bytes(digest.digest()[:8], "big")
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedDataSets:
-    """Several data sets with the same rates and numbers of trials.
+def most_probable(answers: AnswerSets, start: Array | None = None) -> Array:
+    """Return the most probable ln(threshold), ln(width), guess and lapse rate of each data set, (r, 4).
 
-    Attributes
-    ----------
-    x, n_trials : array (m,)
-        ln(rate), rates in cd/m^2/s, and trials at each.
-    success : array (r, m)
-        Successes at each, of each data set.
-    catch_yes, catch_trials : array (r,), int
-        "Yes" in catch trials, and catch trials.
-    guess_rate : float or None
-        The guess rate, if the task fixes it.
+    The search sets out from `start`, (4,), or from the middle of the rates and the priors' means.
     """
-
-    x: Array
-    n_trials: Array
-    success: Array
-    catch_yes: Array
-    catch_trials: int
-    guess_rate: float | None
-
-
-def most_probable(answers: SimulatedDataSets, prior: PsychometricPrior, start: Array | None = None) -> Array:
-    """Return the most probable parameters of each data set.
-
-    Parameters
-    ----------
-    answers, prior : SimulatedDataSets, PsychometricPrior
-        The data sets, and what was known before.
-    start : array (4,), optional
-        Parameters to set out from.
-
-    Returns
-    -------
-    array (r, 4)
-        ln(threshold), ln(width), guess rate, lapse rate.
-    """
-    free = np.tile(_free(_first(answers, prior) if start is None else start), (answers.success.shape[0], 1))
+    free = np.tile(_free(_first(answers) if start is None else start), (answers.success.shape[0], 1))
     damping = np.full(len(free), FIRST_DAMPING)
-    height, slope, curvature = _posterior(free, answers, prior)
+    height, slope, curvature = _posterior(free, answers)
     for _ in range(STEPS):
         diagonal = np.einsum("rii->ri", curvature)
         damped = curvature + (damping[:, None] * diagonal)[:, :, None] * np.eye(4)
         step = np.linalg.solve(damped, slope[:, :, None])[:, :, 0]
         tried = free + np.clip(step, -LARGEST_STEP, LARGEST_STEP)
-        new = _posterior(tried, answers, prior)
+        new = _posterior(tried, answers)
         better = new[0] >= height
         free = np.where(better[:, None], tried, free)
         height = np.where(better, new[0], height)
         slope = np.where(better[:, None], new[1], slope)
         curvature = np.where(better[:, None, None], new[2], curvature)
         damping *= np.where(better, 0.3, 10.0)
-    return _parameters(free, answers.guess_rate)
+    return _parameters(free, answers.counts.guess_rate)
 
 
-def probabilities_of(parameters: Array, answers: SimulatedDataSets) -> Array:
+def _probabilities_of(parameters: Array, answers: AnswerSets) -> Array:
     """Return the probability of success at each rate, shape (r, m), for parameters of shape (r, 4)."""
     t, w, g, m = (parameters[:, i, None] for i in range(4))
     return np.asarray(g + (1 - g - m) * special.expit(_logit(answers.x, t, w, g, m)))
 
 
 def _logit(x: Array, t: Array, w: Array, g: Array, m: Array) -> Array:
-    """Return the logit of the rise F; ψ is 75 % at the threshold."""
     at_threshold = np.log((THRESHOLD_PROBABILITY - g) / (1 - THRESHOLD_PROBABILITY - m))
     return np.asarray(WIDTH_LOGITS * (x - t) * np.exp(-w) + at_threshold)
 
 
-def _first(answers: SimulatedDataSets, prior: PsychometricPrior) -> Array:
-    """Return where to begin without a better idea: the middle of the rates, the priors' means."""
-    middle = float(np.average(answers.x, weights=answers.n_trials))
-    a, b = prior.guess[0] + answers.catch_yes.mean(), prior.guess[1] + answers.catch_trials
-    guess = min(a / (a + b), 0.9 * MAX_GUESS) if answers.guess_rate is None else answers.guess_rate
-    return np.array([middle, np.log(prior.width_median), guess, 1 / (1 + prior.lapse[1])])
+def _first(answers: AnswerSets) -> Array:
+    counts = answers.counts
+    middle = float(np.average(answers.x, weights=counts.n_trials))
+    a, b = GUESS_PRIOR[0] + answers.catch_yes.mean(), GUESS_PRIOR[1] + counts.catch_trials
+    guess = min(a / (a + b), 0.9 * MAX_GUESS) if counts.guess_rate is None else counts.guess_rate
+    return np.array([middle, np.log(WIDTH_PRIOR[0]), guess, 1 / (1 + LAPSE_PRIOR[1])])
 
 
 def _free(parameters: Array) -> Array:
@@ -257,18 +206,15 @@ def _free(parameters: Array) -> Array:
 
 
 def _parameters(free: Array, guess_rate: float | None) -> Array:
-    """Return the parameters of unbounded ones."""
     found = free.copy()
     found[:, 2] = MAX_GUESS * special.expit(free[:, 2]) if guess_rate is None else guess_rate
     found[:, 3] = MAX_LAPSE * special.expit(free[:, 3])
     return found
 
 
-def _posterior(
-    free: Array, answers: SimulatedDataSets, prior: PsychometricPrior
-) -> tuple[Array, Array, Array]:
+def _posterior(free: Array, answers: AnswerSets) -> tuple[Array, Array, Array]:
     """Return the log-posterior (r,), its gradient (r, 4) and its expected curvature (r, 4, 4)."""
-    known = answers.guess_rate
+    known = answers.counts.guess_rate
     found = _parameters(free, known)
     t, w, g, m = (found[:, i, None] for i in range(4))
     rise = special.expit(_logit(answers.x, t, w, g, m))
@@ -282,17 +228,22 @@ def _posterior(
     jacobian = np.stack(
         [-slope * steep, -slope * (answers.x - t) * steep, by_guess * d_guess, by_lapse * d_lapse], axis=2
     )
-    n, k = answers.n_trials, answers.success
+    n, k = answers.counts.n_trials, answers.success
     variance = psi * (1 - psi)
     gradient = np.einsum("rm,rmi->ri", (k - n * psi) / variance, jacobian)
     weighted = jacobian * (n / variance)[:, :, None]
     curvature = np.matmul(weighted.transpose(0, 2, 1), jacobian)
     height = np.sum(k * np.log(psi) + (n - k) * np.log1p(-psi), axis=1)
     terms = [
-        _ln_prior_of_threshold(found[:, 0], answers.x, prior),
-        _ln_prior_of_width(found[:, 1], prior),
-        _ln_prior_of_guess(found[:, 2], answers, prior),
-        _ln_prior_of_rate(found[:, 3], prior.lapse_after(known), MAX_LAPSE),
+        _ln_prior_of_threshold(found[:, 0], answers.x),
+        _ln_prior_of_width(found[:, 1]),
+        # A known guess rate has no prior; a curvature of 1 keeps the matrix invertible.
+        (np.zeros(len(found)), np.zeros(len(found)), np.ones(len(found)))
+        if known is not None
+        else _ln_prior_of_rate(
+            found[:, 2], guess_prior(answers.catch_yes, answers.counts.catch_trials), MAX_GUESS
+        ),
+        _ln_prior_of_rate(found[:, 3], lapse_prior(known), MAX_LAPSE),
     ]
     for i, (value, first, second) in enumerate(terms):
         height = height + value
@@ -301,33 +252,23 @@ def _posterior(
     return height, gradient, curvature
 
 
-def _ln_prior_of_threshold(t: Array, x: Array, prior: PsychometricPrior) -> tuple[Array, Array, Array]:
-    """Return the logarithm of the prior, its slope and its (negative) curvature: flat, Gaussian flanks."""
-    out = (np.minimum(0.0, t - x[0]) + np.maximum(0.0, t - x[-1])) / prior.threshold_falloff
-    return -0.5 * out**2, -out / prior.threshold_falloff, (out != 0) / prior.threshold_falloff**2
+# Each: the logarithm of a prior, its slope and its (negative) curvature.
 
 
-def _ln_prior_of_width(w: Array, prior: PsychometricPrior) -> tuple[Array, Array, Array]:
-    """Return the same for ln(width): Gaussian."""
-    off = (w - np.log(prior.width_median)) / prior.width_spread
-    return -0.5 * off**2, -off / prior.width_spread, np.full_like(w, prior.width_spread**-2)
+def _ln_prior_of_threshold(t: Array, x: Array) -> tuple[Array, Array, Array]:
+    out = (np.minimum(0.0, t - x[0]) + np.maximum(0.0, t - x[-1])) / THRESHOLD_FALLOFF
+    return -0.5 * out**2, -out / THRESHOLD_FALLOFF, (out != 0) / THRESHOLD_FALLOFF**2
 
 
-def _ln_prior_of_guess(
-    g: Array, answers: SimulatedDataSets, prior: PsychometricPrior
-) -> tuple[Array, Array, Array]:
-    """Return the same for the guess rate, after the catch trials; a known one gets a curvature of 1."""
-    if answers.guess_rate is not None:
-        return np.zeros_like(g), np.zeros_like(g), np.ones_like(g)
-    a = prior.guess[0] + answers.catch_yes
-    b = prior.guess[1] + answers.catch_trials - answers.catch_yes
-    return _ln_prior_of_rate(g, (a, b), MAX_GUESS)
+def _ln_prior_of_width(w: Array) -> tuple[Array, Array, Array]:
+    off = (w - np.log(WIDTH_PRIOR[0])) / WIDTH_PRIOR[1]
+    return -0.5 * off**2, -off / WIDTH_PRIOR[1], np.full_like(w, WIDTH_PRIOR[1] ** -2)
 
 
 def _ln_prior_of_rate(
-    p: Array, beta: tuple[float, float] | tuple[Array, Array], largest: float
+    p: Array, beta: tuple[float | Array, float | Array], largest: float
 ) -> tuple[Array, Array, Array]:
-    """Return the same for a rate p = P · expit(u) with a Beta prior, as a density of u.
+    """Of a rate p = P · expit(u) with a Beta prior, as a density of u.
 
     dp/du = p (1 - p/P), so that ln density = a ln p + (b - 1) ln(1 - p) + ln(1 - p/P) up to a constant.
     """

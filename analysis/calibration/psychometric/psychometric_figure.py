@@ -3,316 +3,307 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
-from numpy.typing import NDArray
 
+from evenlight.analysis import figure_style as style
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import LEAST_IN_BIN, bin_starts
 from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampLevelKey,
-    joined_levels,
-    level_of_threshold,
+    by_joined_level,
     level_order,
+    pooled_counts,
 )
-from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE, ThresholdFit
-from evenlight.analysis.figure_style import (
-    FAINT,
-    INK,
-    LIMIT,
-    MUTED,
-    PAGE,
-    PARTICIPANT,
-    FigureFormat,
-    axes_at,
-    heading_lines,
-    lines_at,
-    look,
-    new_figure,
-    short,
-    text_at,
-    text_size,
-)
-from evenlight.data_schema.arrays import Array
+from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE, ThresholdFit, level_of_fit
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import bounds
+from evenlight.analysis.calibration.rate_limit.rate_limit_figure import FEWEST_FOR_INTERVALS, level_means
+from evenlight.analysis.figure_style import PAGE
+from evenlight.analysis.rows import Plot
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint
+from evenlight.data_schema.arrays import Array, Integers
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
-from evenlight.data_schema.threshold import Threshold
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, yes_probability
 
 MOST_COLUMNS = 5  # panels side by side at most
 LEAST_WIDTH = 9.0  # of a panel [em]
 TICKS = (0.2, 0.5, 1, 2, 5, 10, 20, 50)  # [%/s]
-BETWEEN_ROWS = 6.8  # numbers of the axis, and the next row's titles [em]
+TITLES = 5.0  # the lines above a panel [em]
+BELOW = 3.0  # the numbers of the axis, and the gap to the next row [em]
 LEAST_IN_DOT = 12  # trials of neighbouring rates that are drawn as one dot
-
-
-def psychometric_figure(
-    fits: Sequence[ThresholdFit], simulated: bool = False, medium: FigureFormat = PAGE
-) -> Figure:
-    """Draw the psychometric functions of all participants, a panel for each screen and factor.
-
-    Rates are relative to the panel's initial luminance, so that all panels share one axis. Below each panel
-    are the participants' thresholds with their credible intervals, lowest first.
-
-    Parameters
-    ----------
-    fits, simulated : sequence of ThresholdFit, bool
-        One per participant and level, and whether participants were simulated; the figure says so.
-    medium : FigureFormat
-        Where it is shown.
-    """
-    levels = by_level(fits)
-    with look(medium):
-        em = medium.em
-        width = medium.width - 5.4 * em
-        rows = panel_rows(list(levels), int(np.clip(width / (LEAST_WIDTH * em), 1, MOST_COLUMNS)))
-        lines, above = heading_lines(*heading_of(fits, simulated), width, em)
-        scale = scale_of(fits)
-        entries = 5 if scale.zero else 4
-        key_columns = entries if width > 56 * em else 2
-        top = above + (1.6 * -(-entries // key_columns) + 4.6) * em
-        strip = float(np.clip(0.45 * max(len(group) for group in levels.values()), 1.5, 9.0)) * em
-        panel = (medium.height - top) / len(rows) - strip - BETWEEN_ROWS * em
-        panel = float(np.clip(panel, 7 * em, 10 * em))
-        grid = _PanelGrid(em, 4.2 * em, top, width / max(map(len, rows)), panel, strip)
-        figure = new_figure(medium, grid.top + len(rows) * grid.row_height - 1.8 * em)
-        lines_at(figure, grid.left, lines)
-        _draw_key(figure, grid, above, key_columns, scale)
-        for row, keys in enumerate(rows):
-            for column, key in enumerate(keys):
-                _draw_level(figure, grid, (row, column), levels[key], scale)
-        _name_axes(figure, grid, len(rows), medium, scale)
-    return figure
-
-
-def _draw_level(
-    figure: Figure, grid: _PanelGrid, place: tuple[int, int], fits: list[ThresholdFit], scale: _PanelScale
-) -> None:
-    """Draw one level: functions, answers and false alarms above, thresholds below."""
-    em, (row, column) = grid.em, place
-    left, wide = grid.left + column * grid.cell_width, grid.cell_width - 1.0 * em
-    top = grid.top + row * grid.row_height
-    panel = axes_at(figure, left, top, wide, grid.panel_height)
-    strip = axes_at(figure, left, top + grid.panel_height + 0.3 * em, wide, grid.strip_height)
-    _draw_functions(panel, fits, scale)
-    _draw_answers(panel, fits, scale)
-    _draw_thresholds(strip, fits)
-    mean = _mean_threshold(fits)
-    t, (level,) = fits[0].threshold, by_level(fits)
-    names = [
-        (f"{t.screen}, b = {t.factor:g}", INK),
-        (f"{short(level.luminance)} cd/m²{_way(t) if scale.several else ''}", INK),
-    ]
-    if mean is not None:
-        names.append((f"{short(mean)} cd/m²/s", LIMIT))
-        for axes in (panel, strip):
-            axes.axvline(100 * mean / level.luminance, color=LIMIT, linewidth=0.08 * 72 * em, zorder=1)
-    for line, (words, colour) in enumerate(names):
-        text_at(
-            figure, left, top + (1.25 * (line - len(names)) - 0.6) * em, words, color=colour,
-            fontsize=0.92 * 72 * em,
-        )  # fmt: skip
-    for axes in (panel, strip):
-        _set_rate_axis(axes, scale)
-    panel.tick_params(labelbottom=False, labelleft=column == 0)
-    strip.tick_params(left=False, labelleft=False)
-    strip.spines["left"].set_visible(False)
-
-
-def _way(threshold: Threshold) -> str:
-    """Return direction and duration of the ramps, for a panel's title."""
-    arrow = "↓" if threshold.direction is Direction.DOWN else "↑"
-    return f", {arrow} {threshold.ramp_duration:g} s"
-
-
-def _draw_functions(axes: Axes, fits: list[ThresholdFit], scale: _PanelScale) -> None:
-    """Draw each participant's function thinly, and their mean."""
-    relative = np.geomspace(scale.low / 1.2, scale.high * 1.2, 121)
-    curves = [yes_probability(relative * fit.threshold.luminance / 100, fit.fit.function) for fit in fits]
-    opacity = float(np.clip(4 / len(fits), 0.15, 0.8))
-    size = text_size()
-    for curve in curves:
-        axes.plot(relative, curve, color=PARTICIPANT, alpha=opacity, linewidth=size / 11, zorder=2)
-    if len(curves) > 1:
-        axes.plot(relative, np.mean(curves, axis=0), color=LIMIT, zorder=3)
-    axes.axhline(THRESHOLD_PROBABILITY, color=MUTED, linewidth=size / 16, linestyle=(0, (4, 3)), zorder=1)
-    margin = 0.04 * (1 - scale.lowest_share)
-    ticks = [tick for tick in (0, 0.25, 0.5, 0.75, 1) if tick >= scale.lowest_share]
-    axes.set(ylim=(scale.lowest_share - margin, 1 + margin), yticks=ticks)
-    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
-
-
-def _draw_answers(axes: Axes, fits: list[ThresholdFit], scale: _PanelScale) -> None:
-    """Draw the shares of successes over the rates, and at no change the false alarms."""
-    size = text_size()
-    rates, yes, trials = drawn_answers(fits)
-    area = (0.75 * size) ** 2 * trials / trials.max()
-    axes.scatter(
-        rates, yes / trials, s=area, facecolor=INK, edgecolor="white", linewidth=size / 22, clip_on=False,
-        zorder=4,
-    )  # fmt: skip
-    alarms = [f.threshold.false_alarm_rate for f in fits if f.threshold.false_alarm_rate is not None]
-    if alarms:
-        zero = np.full(len(alarms), scale.zero_at)
-        axes.scatter(zero, alarms, s=(0.4 * size) ** 2, color=PARTICIPANT, alpha=0.5, linewidth=0, zorder=3)
-        caught = sum(f.fit.counts.catch_yes for f in fits) / sum(f.fit.counts.catch_trials for f in fits)
-        axes.scatter(zero[:1], [caught], marker="D", s=(0.6 * size) ** 2, color=INK, linewidth=0, zorder=4)
-
-
-def _mean_threshold(fits: list[ThresholdFit]) -> float | None:
-    """Return the geometric mean of the thresholds that can be used [cd/m^2/s]; None without any."""
-    usable = [f.threshold.threshold for f in fits if f.threshold.flag not in UNUSABLE]
-    return float(np.exp(np.mean(np.log(usable)))) if usable else None
-
-
-def _draw_thresholds(axes: Axes, fits: list[ThresholdFit]) -> None:
-    """Draw the thresholds with their intervals, one below the other; hollow ones cannot be used."""
-    size = text_size()
-    dot = float(np.clip(4.5 / len(fits), 0.13, 0.32)) * size
-    for place, fit in enumerate(fits):
-        t = fit.threshold
-        usable = t.flag not in UNUSABLE
-        relative = 100 * np.array([t.ci_low, t.threshold, t.ci_high]) / t.luminance
-        style: dict[str, Any] = {"color": PARTICIPANT, "linewidth": max(dot / 5, 0.4)}
-        axes.plot(relative[[0, 2]], [place, place], linestyle="-" if usable else ":", **style)
-        face = INK if usable else "white"
-        axes.plot(relative[1], place, "o", ms=dot, mfc=face, mec=INK, mew=dot / 8)
-    axes.set(ylim=(len(fits) - 0.3, -0.7))
-
-
-def _set_rate_axis(axes: Axes, scale: _PanelScale) -> None:
-    """Give some axes the common logarithmic axis of relative rates, with "no change" at its left end."""
-    axes.set_xscale("log")
-    axes.set_xlim(scale.left, scale.high * 1.25)
-    ticks = [tick for tick in TICKS if scale.low * 0.9 <= tick <= scale.high * 1.1]
-    at, names = list(ticks), [f"{tick:g}" for tick in ticks]
-    if scale.zero:
-        at, names = [scale.zero_at, *at], ["0", *names]
-        axes.axvline(scale.low / 1.4, color=FAINT, linewidth=text_size() / 16, zorder=0)
-    axes.set_xticks(at, names)
-    axes.set_xticks([], minor=True)
-
-
-def _draw_key(figure: Figure, grid: _PanelGrid, top: float, columns: int, scale: _PanelScale) -> None:
-    """Write what is what, above the panels."""
-    size = 72 * grid.em
-    line: dict[str, Any] = {"color": PARTICIPANT, "linewidth": size / 11}
-    dots: dict[str, Any] = {"linestyle": "none", "color": INK}
-    success = "correct answers" if scale.two else "“yes”"
-    handles = [
-        Line2D([], [], label="a participant", **line),
-        Line2D([], [], color=LIMIT, label="mean, threshold"),
-        Line2D(
-            [], [], marker="o", label=f"share of {success}, area: trials", markersize=0.6 * size,
-            **dots,
-        ),
-        Line2D(
-            [], [], marker="o", markersize=0.4 * size, mfc=INK, mec=INK, label="threshold, 95 % credible",
-            **line,
-        ),
-    ]  # fmt: skip
-    if scale.zero:
-        alarms = Line2D([], [], marker="D", label="false alarms", markersize=0.5 * size, **dots)
-        handles.insert(3, alarms)
-    full_width, full_height = figure.get_size_inches()
-    anchor = (grid.left / full_width, 1 - (top + 0.3 * grid.em) / full_height)
-    figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=anchor, ncols=columns, fontsize=0.9 * size
-    )
-
-
-def _name_axes(figure: Figure, grid: _PanelGrid, rows: int, medium: FigureFormat, scale: _PanelScale) -> None:
-    """Write what the axes measure."""
-    height = float(figure.get_size_inches()[1])
-    words = "rate of change, per initial luminance [%/s]"
-    words += ";  0: catch trials" if scale.zero else ""
-    text_at(figure, grid.left, height - 1.0 * grid.em, words, va="bottom")
-    for row in range(rows):
-        middle = grid.top + row * grid.row_height + grid.panel_height / 2
-        text_at(
-            figure, 0.6 * grid.em, middle, "correct [%]" if scale.two else "“yes” [%]", rotation=90,
-            va="center",
-        )  # fmt: skip
-
-
-def by_level(fits: Sequence[ThresholdFit]) -> dict[RampLevelKey, list[ThresholdFit]]:
-    """Return the fits of each level, lowest threshold first."""
-    joined = joined_levels(level_of_threshold(fit.threshold) for fit in fits)
-    levels: dict[RampLevelKey, list[ThresholdFit]] = {}
-    for fit in sorted(fits, key=lambda fit: fit.threshold.threshold):
-        levels.setdefault(joined[level_of_threshold(fit.threshold)], []).append(fit)
-    return levels
+LONGEST_NAME = 5  # letters of it that have room there
+MOST_NAMED = 20  # participants whose names stand beside their thresholds
+THRESHOLD_UNITS = ("", "", "threshold", "cd/m^2/s")
+Mean = tuple[float, float, float]  # threshold and its interval [cd/m^2/s]
+UNITS = ("rate", "cd/m^2/s", "share detected", "1")
 
 
 @dataclass(frozen=True, slots=True)
-class _PanelGrid:
-    """Where the panels are [inch]."""
+class _Scale:
+    """What all panels share."""
 
-    em: float
-    left: float
-    top: float
-    cell_width: float
-    panel_height: float
-    strip_height: float
+    low: float  # slowest and fastest relative rate tested [%/s]
+    high: float
+    lowest_share: float  # where the axis of answers begins
+    people: tuple[str, ...]  # from the most sensitive to the least: in this order in every panel
+    two: bool  # whether of two intervals the right one was to be found
+    zero: bool  # whether there are catch trials, drawn at the left end of the axis
+    several: bool  # directions or durations
 
     @property
-    def row_height(self) -> float:
-        """Height of a row: panel, strip, title and numbers of the axis."""
-        return self.panel_height + self.strip_height + BETWEEN_ROWS * self.em
-
-
-@dataclass(frozen=True, slots=True)
-class _PanelScale:
-    """What all panels share.
-
-    Attributes
-    ----------
-    low, high, lowest_share : float
-        Slowest and fastest relative rate tested [%/s]; where the axis of answers begins.
-    two, zero, several : bool
-        Whether of two intervals the right one was to be found; whether there are catch trials, drawn at the
-        left end of the axis; whether there are several directions or durations.
-    """
-
-    low: float
-    high: float
-    lowest_share: float
-    two: bool
-    zero: bool
-    several: bool
+    def named(self) -> bool:
+        """Whether the participants' names have room."""
+        return len(self.people) <= MOST_NAMED
 
     @property
     def zero_at(self) -> float:
         """Where on the logarithmic axis "no change" is put [%/s]."""
         return self.low / 2
 
-    @property
-    def left(self) -> float:
-        """Left end of the axis [%/s]."""
-        return self.zero_at / 1.25 if self.zero else self.low / 1.4
+
+def psychometric_figure(
+    fits: Sequence[ThresholdFit], simulated: bool = False
+) -> tuple[Figure, tuple[PlottedPoint, ...]]:
+    """Draw the psychometric functions of all participants, a panel for each screen and factor.
+
+    Rates are relative to the panel's initial luminance, so that all panels share one axis. Below each panel
+    are the participants' thresholds with their credible intervals, in the same order everywhere.
+
+    Parameters
+    ----------
+    fits, simulated : sequence of ThresholdFit, bool
+        One per participant and level, and whether participants were simulated; the figure says so.
+    """
+    levels, scale = by_level(fits), _scale(fits)
+    origin = Origin.SIMULATED if simulated else Origin.RECORDED
+    points: list[PlottedPoint] = []
+    with style.look():
+        em, left = PAGE.em, 4.2 * PAGE.em
+        width = PAGE.width - left - 1.2 * em
+        rows = _panel_rows(list(levels), int(np.clip(width / (LEAST_WIDTH * em), 1, MOST_COLUMNS)))
+        lines, above = style.heading_lines(*_heading(fits, simulated), width, em)
+        unusable = any(fit.threshold.flag in UNUSABLE for fit in fits)
+        entries = 4 + scale.zero + unusable
+        columns = 3 if unusable else entries
+        top = above + (1.6 * -(-entries // columns) + 0.8 + TITLES) * em
+        each = 0.75 if scale.named else 0.45
+        strip = float(np.clip(each * len(scale.people), 1.5, 15.0)) * em
+        height = (PAGE.height - top) / len(rows) - strip - (TITLES + BELOW) * em
+        height = float(np.clip(height, 7 * em, 10 * em))
+        row_height = height + strip + (TITLES + BELOW) * em
+        cell = width / max(map(len, rows))
+        figure = style.new_figure(top + len(rows) * row_height - (TITLES - 1.6) * em)
+        full_width, full_height = figure.get_size_inches()
+        style.lines_at(figure, left, lines)
+        small = 0.9 * style.text_size()
+        for row, keys in enumerate(rows):
+            down = top + row * row_height
+            answers = "correct [%]" if scale.two else "“yes” [%]"
+            style.text_at(figure, 0.6 * em, down + height / 2, answers, rotation=90, va="center")
+            for column, level in enumerate(keys):
+                at = left + column * cell
+                panel = style.axes_at(figure, at, down, cell - em, height)
+                below = style.axes_at(figure, at, down + height + 0.3 * em, cell - em, strip)
+                mean = _mean_threshold(levels[level])
+                points += _draw_level((panel, below), level, levels[level], scale, mean, origin)
+                panel.tick_params(labelbottom=False, labelleft=column == 0)
+                below.tick_params(left=False, labelleft=scale.named and column == 0)
+                what, found = _titles(level, levels[level], scale, mean)
+                style.text_at(figure, at, down - 2.75 * em, what, va="bottom", fontsize=small)
+                style.text_at(
+                    figure, at, down - 0.4 * em, found, va="bottom", fontsize=small, color=style.LIMIT
+                )
+        key = {own.get_label(): own for axes in figure.axes for own in axes.get_legend_handles_labels()[0]}
+        figure.legend(
+            handles=list(key.values()),
+            loc="upper left",
+            ncols=columns,
+            fontsize=small,
+            bbox_to_anchor=(left / full_width, 1 - (above + 0.3 * em) / full_height),
+        )
+        words = f"rate of change, per initial luminance [%/s]{';  0: catch trials' if scale.zero else ''}"
+        style.text_at(figure, left, full_height - em, words, va="bottom")
+    return figure, tuple(points)
 
 
-def scale_of(fits: Sequence[ThresholdFit]) -> _PanelScale:
-    """Return what all panels share."""
+def _titles(
+    level: RampLevelKey, fits: Sequence[ThresholdFit], scale: _Scale, mean: Mean | None
+) -> tuple[str, str]:
+    """Return what stands above a panel: the level, and its mean threshold with how well that is known."""
+    arrow = "↓" if level.direction is Direction.DOWN else "↑"
+    way = f", {arrow} {level.ramp_duration:g} s" if scale.several else ""
+    what = f"{level.screen}, b = {level.factor:g}\n{style.short(level.luminance)} cd/m²{way}"
+    if mean is None:
+        return what, "no threshold"
+    people = len({fit.threshold.participant_id for fit in fits})
+    known = "" if 1 < people < FEWEST_FOR_INTERVALS else f"\n({bounds(*mean[1:])})"
+    return what, f"{style.short(mean[0])} cd/m²/s{known}"
+
+
+def _mean_threshold(fits: Sequence[ThresholdFit]) -> Mean | None:
+    """Return the mean of the thresholds that can be used; None without any."""
+    usable = [fit.threshold for fit in fits if fit.threshold.flag not in UNUSABLE]
+    return level_means(usable)[0][1:] if usable else None
+
+
+def _draw_level(
+    above_and_below: tuple[Axes, Axes],
+    level: RampLevelKey,
+    fits: Sequence[ThresholdFit],
+    scale: _Scale,
+    mean: Mean | None,
+    origin: Origin,
+) -> list[PlottedPoint]:
+    """Draw one level: functions, answers and false alarms above, thresholds below; return the numbers."""
+    title = f"{level.screen}, factor {level.factor:g}, {level.direction.value}, {level.ramp_duration:g} s"
+    panel, strip = above_and_below
+    plot = Plot(panel, title, origin, UNITS)
+    _draw_functions(panel, fits, scale)
+    _draw_answers(plot, fits, scale)
+    _draw_thresholds(strip, plot, fits, scale)
+    for axes in above_and_below:
+        if mean is not None:
+            at = 100 * mean[0] / level.luminance
+            label = "mean, threshold" if len(scale.people) > 1 else "threshold"
+            axes.axvline(at, color=style.LIMIT, linewidth=0.08 * style.text_size(), label=label, zorder=1)
+        _set_rate_axis(axes, scale)
+    if mean is not None:
+        plot.note("mean threshold", None, mean[0], n=len(fits), ends=mean[1:], units=THRESHOLD_UNITS)
+    strip.spines["left"].set_visible(False)
+    return plot.points
+
+
+def _draw_functions(axes: Axes, fits: Sequence[ThresholdFit], scale: _Scale) -> None:
+    """Draw each participant's function thinly, and their mean."""
+    relative = np.geomspace(scale.low / 1.2, scale.high * 1.2, 121)
+    curves = [yes_probability(relative * fit.threshold.luminance / 100, fit.fit.function) for fit in fits]
+    size = style.text_size()
+    thin: dict[str, Any] = {"linewidth": size / 11, "alpha": float(np.clip(4 / len(fits), 0.15, 0.8))}
+    for curve in curves:
+        axes.plot(relative, curve, color=style.PARTICIPANT, label="a participant", zorder=2, **thin)
+    if len(curves) > 1:
+        axes.plot(relative, np.mean(curves, axis=0), color=style.LIMIT, label="mean, threshold", zorder=3)
+    axes.axhline(
+        THRESHOLD_PROBABILITY, color=style.MUTED, linewidth=size / 16, linestyle=(0, (4, 3)), zorder=1
+    )
+    margin = 0.04 * (1 - scale.lowest_share)
+    ticks = [tick for tick in (0, 0.25, 0.5, 0.75, 1) if tick >= scale.lowest_share]
+    axes.set(ylim=(scale.lowest_share - margin, 1 + margin), yticks=ticks)
+    axes.yaxis.set_major_formatter(lambda value, _: f"{100 * value:.0f}")
+
+
+def _draw_answers(plot: Plot, fits: Sequence[ThresholdFit], scale: _Scale) -> None:
+    """Draw the shares of successes over the rates, and at no change the false alarms; note each person's."""
+    axes, size = plot.axes, style.text_size()
+    rates, yes, trials = drawn_answers(fits)
+    edge: dict[str, Any] = {
+        "facecolor": style.INK,
+        "edgecolor": "white",
+        "linewidth": size / 22,
+        "clip_on": False,
+        "zorder": 4,
+    }
+    label = f"share of {'correct answers' if scale.two else '“yes”'}, area: trials"
+    axes.scatter(rates, yes / trials, s=(0.75 * size) ** 2 * trials / trials.max(), label=label, **edge)
+    for fit in fits:
+        who, counts = f"participant {fit.threshold.participant_id}", fit.fit.counts
+        for rate, hits, n in zip(counts.rates, counts.n_yes, counts.n_trials, strict=True):
+            plot.note(who, float(rate), float(hits / n), n=int(n))
+        if counts.catch_trials:
+            plot.note(f"{who}, catch trials", 0.0, counts.false_alarm_rate, n=counts.catch_trials)
+    caught = [fit.fit.counts for fit in fits if fit.fit.counts.catch_trials]
+    if caught:
+        alarms = [counts.catch_yes / counts.catch_trials for counts in caught]
+        zero = np.full(len(caught), scale.zero_at)
+        axes.scatter(
+            zero, alarms, s=(0.4 * size) ** 2, color=style.PARTICIPANT, alpha=0.5, linewidth=0, zorder=3
+        )
+        pooled = sum(counts.catch_yes for counts in caught) / sum(counts.catch_trials for counts in caught)
+        diamond: dict[str, Any] = {
+            "marker": "D",
+            "linestyle": "none",
+            "markersize": 0.6 * size,
+            "mew": 0,
+            "zorder": 4,
+        }
+        axes.plot(scale.zero_at, pooled, color=style.INK, label="false alarms", **diamond)
+
+
+def _draw_thresholds(strip: Axes, plot: Plot, fits: Sequence[ThresholdFit], scale: _Scale) -> None:
+    """Draw the thresholds with their intervals, one below the other; hollow ones cannot be used."""
+    size = style.text_size()
+    dot = float(np.clip(4.5 / len(scale.people), 0.13, 0.32)) * size
+    look_of_dot: dict[str, Any] = {
+        "marker": "o",
+        "markevery": [1],
+        "markersize": dot,
+        "mec": style.INK,
+        "mew": dot / 8,
+    }
+    for t in (fit.threshold for fit in fits):
+        line, face = (":", "white") if t.flag in UNUSABLE else ("-", style.INK)
+        places = 100 * np.array([t.ci_low, t.threshold, t.ci_high]) / t.luminance
+        row = np.full(3, scale.people.index(t.participant_id))
+        label = "threshold, 95 % credible" if line == "-" else "cannot be used"
+        strip.plot(
+            places,
+            row,
+            line,
+            color=style.PARTICIPANT,
+            linewidth=max(dot / 5, 0.4),
+            mfc=face,
+            label=label,
+            **look_of_dot,
+        )
+        ends, who = (t.ci_low, t.ci_high), f"participant {t.participant_id}"
+        plot.note("threshold", None, t.threshold, who, t.n_trials, ends, THRESHOLD_UNITS)
+    strip.set(ylim=(len(scale.people) - 0.3, -0.7))
+    if scale.named:
+        names = [who if len(who) <= LONGEST_NAME else f"{who[: LONGEST_NAME - 1]}…" for who in scale.people]
+        strip.set_yticks(range(len(names)), names, fontsize=0.68 * size)
+
+
+def _set_rate_axis(axes: Axes, scale: _Scale) -> None:
+    """Give some axes the common logarithmic axis of relative rates, with "no change" at its left end."""
+    axes.set_xscale("log")
+    axes.set_xlim(scale.zero_at / 1.25 if scale.zero else scale.low / 1.4, scale.high * 1.25)
+    at = [tick for tick in TICKS if scale.low * 0.9 <= tick <= scale.high * 1.1]
+    names = [f"{tick:g}" for tick in at]
+    if scale.zero:
+        at, names = [scale.zero_at, *at], ["0", *names]
+        axes.axvline(scale.low / 1.4, color=style.FAINT, linewidth=style.text_size() / 16, zorder=0)
+    axes.set_xticks(at, names)
+    axes.set_xticks([], minor=True)
+
+
+def by_level(fits: Sequence[ThresholdFit]) -> dict[RampLevelKey, list[ThresholdFit]]:
+    """Return the fits of each level, lowest threshold first."""
+    return by_joined_level(sorted(fits, key=lambda fit: fit.threshold.threshold), level_of_fit)
+
+
+def _scale(fits: Sequence[ThresholdFit]) -> _Scale:
     rates = [100 * fit.fit.counts.rates / fit.threshold.luminance for fit in fits]
     two = fits[0].threshold.procedure is Procedure.TWO_INTERVAL
     levels = by_level(fits)
-    shares = [drawn_answers(group) for group in levels.values()]
-    lowest = min(float((yes / trials).min()) for _, yes, trials in shares)
-    return _PanelScale(
+    shares = [yes / trials for _, yes, trials in map(drawn_answers, levels.values())]
+    relative: dict[str, list[float]] = {}
+    for t in (fit.threshold for fit in fits):
+        relative.setdefault(t.participant_id, []).append(float(np.log(t.threshold / t.luminance)))
+    return _Scale(
         low=float(min(r.min() for r in rates)),
         high=float(max(r.max() for r in rates)),
-        lowest_share=min(0.5, lowest) if two else 0.0,
+        lowest_share=min(0.5, *(float(share.min()) for share in shares)) if two else 0.0,
+        people=tuple(sorted(relative, key=lambda who: (np.mean(relative[who]), who))),
         two=two,
         zero=any(fit.fit.counts.catch_trials for fit in fits),
         several=len({(level.direction, level.ramp_duration) for level in levels}) > 1,
     )
 
 
-def panel_rows(levels: list[RampLevelKey], columns: int) -> list[list[RampLevelKey]]:
+def _panel_rows(levels: list[RampLevelKey], columns: int) -> list[list[RampLevelKey]]:
     """Return the levels in rows: a new row for each screen and condition, brighter levels to the right."""
     blocks: dict[tuple[object, ...], list[RampLevelKey]] = {}
     for level in sorted(levels, key=level_order):  # white, then gray
@@ -324,51 +315,38 @@ def panel_rows(levels: list[RampLevelKey], columns: int) -> list[list[RampLevelK
     return rows
 
 
-def heading_of(fits: Sequence[ThresholdFit], simulated: bool) -> tuple[str, str]:
-    """Return title and subtitle."""
+def _heading(fits: Sequence[ThresholdFit], simulated: bool) -> tuple[str, str]:
     people = len({fit.threshold.participant_id for fit in fits})
-    trials = sum(fit.threshold.n_trials for fit in fits)
     catches = sum({fit.threshold.participant_id: fit.threshold.n_catch for fit in fits}.values())
-    who = ("simulated " if simulated else "") + ("participant" if people == 1 else "participants")
     two = fits[0].threshold.procedure is Procedure.TWO_INTERVAL
-    ramps = f"{trials} ramps" if two else f"{trials} ramps and {catches} catch trials"
-    several = len({(fit.threshold.direction, fit.threshold.ramp_duration) for fit in fits}) > 1
-    arrows = ", direction and duration" if several else ""
     verb = "found" if two else "seen"
-    return (
-        "How often the interval with a change of luminance is found"
-        if two
-        else "How often a change of luminance is seen",
-        f"{people} {who}, {ramps}. Above each panel: screen and brightness factor, initial "
-        f"luminance{arrows}, and the rate {verb} in {100 * THRESHOLD_PROBABILITY:.0f} % of the "
-        "trials (geometric mean of participants).",
+    what = "the interval with a change of luminance" if two else "a change of luminance"
+    who = f"{people} {'simulated ' if simulated else ''}participant{'s' if people > 1 else ''}"
+    ramps = f"{sum(fit.threshold.n_trials for fit in fits)} ramps"
+    catch = "" if two else f" and {catches} catch trials"
+    several = len({(fit.threshold.direction, fit.threshold.ramp_duration) for fit in fits}) > 1
+    known = "95 % credible interval" if people == 1 else "geometric mean, 95 % confidence interval"
+    below = " Below: each participant's threshold, the most sensitive first." if people > 1 else ""
+    return f"How often {what} is {verb}", (
+        f"{who}, {ramps}{catch}. Above each panel: screen and brightness factor, initial luminance"
+        f"{', direction and duration' if several else ''}, and the rate {verb} in "
+        f"{100 * THRESHOLD_PROBABILITY:.0f} % of the trials ({known}).{below}"
     )
 
 
-def pooled_answers(fits: Sequence[ThresholdFit]) -> tuple[Array, Array, Array]:
-    """Return relative rates [%/s], successes and trials, summed over the participants of a level."""
-    rates = np.concatenate([100 * fit.fit.counts.rates / fit.threshold.luminance for fit in fits])
-    distinct, index = np.unique(np.round(rates, 9), return_inverse=True)
-    yes = np.concatenate([fit.fit.counts.n_yes for fit in fits]).astype(np.float64)
-    trials = np.concatenate([fit.fit.counts.n_trials for fit in fits]).astype(np.float64)
-    return distinct, _summed(index, yes), _summed(index, trials)
-
-
-def drawn_answers(fits: Sequence[ThresholdFit]) -> tuple[Array, Array, Array]:
-    """Return the pooled answers as they are drawn: where single rates have few trials, put together.
+def drawn_answers(fits: Sequence[ThresholdFit]) -> tuple[Array, Integers, Integers]:
+    """Return relative rates [%/s], successes and trials, summed over the participants of a level.
 
     Adaptive placement asks many rates a few times; shares of two or three answers would be dots at 0, 50 and
-    100 %. A group lies at the mean ln(rate) of its trials.
+    100 %. Those are put together; a group lies at the mean ln(rate) of its trials.
     """
-    rates, yes, trials = pooled_answers(fits)
+    relative = (np.round(100 * fit.fit.counts.rates / fit.threshold.luminance, 9) for fit in fits)
+    own = (replace(fit.fit.counts, rates=rates) for fit, rates in zip(fits, relative, strict=True))
+    pooled = pooled_counts(list(own))
+    rates, yes, trials = pooled.rates, pooled.n_yes, pooled.n_trials
     if trials.min() >= LEAST_IN_BIN:
         return rates, yes, trials
-    starts = bin_starts(trials.astype(np.int64), LEAST_IN_DOT)
+    starts = bin_starts(trials, LEAST_IN_DOT)
     total = np.add.reduceat(trials, starts)
     middle = np.exp(np.add.reduceat(trials * np.log(rates), starts) / total)
     return middle, np.add.reduceat(yes, starts), total
-
-
-def _summed(index: NDArray[np.intp], values: Array) -> Array:
-    """Return the sum of the values of each index."""
-    return np.asarray(np.bincount(index, values), dtype=np.float64)

@@ -9,16 +9,23 @@ narrow in on the posterior of a growing share of them. Everything is determinist
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cache
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import interpolate, special
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
+from evenlight.data_schema.arrays import Array
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
 
+# What is known of a psychometric function before the first answer (docs/decisions/threshold-definition.md)
+THRESHOLD_FALLOFF = 0.5  # flat over the rates tested; beyond, the standard deviation of a normal flank
+WIDTH_PRIOR = (1.6, 0.6)  # log-normal: median, and standard deviation of ln(width)
+GUESS_PRIOR = (1.0, 10.0)  # Beta
+LAPSE_PRIOR = (1.0, 30.0)  # Beta; of yes/no
 INTERVAL = (0.025, 0.5, 0.975)
 MAX_GUESS = 0.7  # above 0.75 there is no 75 % point; fits this close to it are flagged as false alarms
 MAX_LAPSE = 0.2  # above 0.25 there is no 75 % point
@@ -30,6 +37,8 @@ MAX_LOGIT = 500.0  # F differs from 0 or 1 by 1e-217 there: e^500 still fits a f
 QUANTILE_SAMPLES = 2001
 PLENTY = 2000  # trials; the posterior of more may lie between the nodes of the coarse grid
 NARROWING = 2.0  # by which the trials that count grow from one grid to the next
+
+Count = TypeVar("Count", float, Array)
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,31 +54,17 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, slots=True)
 class PsychometricFit:
-    """The posterior of one psychometric function.
+    """The posterior of one psychometric function."""
 
-    Attributes
-    ----------
-    counts : RampCounts
-        The answers it was fitted to.
-    function : PsychometricFunction
-        The function of the posterior means; it runs through 75 % at the threshold.
-    ln_threshold, ln_width, guess_rate, lapse_rate : ParameterEstimate
-        The four parameters; the threshold is in ln(cd/m^2/s).
-    """
-
-    counts: RampCounts
-    function: PsychometricFunction
-    ln_threshold: ParameterEstimate
+    counts: RampCounts  # the answers it was fitted to
+    function: PsychometricFunction  # of the posterior means; it runs through 75 % at the threshold
+    ln_threshold: ParameterEstimate  # ln(cd/m^2/s)
     ln_width: ParameterEstimate
     guess_rate: ParameterEstimate
     lapse_rate: ParameterEstimate
 
 
-def fit_psychometric(
-    counts: RampCounts,
-    prior: PsychometricPrior | None = None,
-    fine: tuple[int, int, int, int] = FINE_NODES,
-) -> PsychometricFit:
+def fit_psychometric(counts: RampCounts, fine: tuple[int, int, int, int] = FINE_NODES) -> PsychometricFit:
     """Fit threshold, width, guess and lapse rate to the answers at one level, with 95 % credible intervals.
 
     The estimate is the mean of the posterior, for threshold and width of their logarithm: of mean, median and
@@ -79,12 +74,10 @@ def fit_psychometric(
     ----------
     counts : RampCounts
         The answers; all "yes", all "no" or perfectly separated ones give a wide posterior, not an error.
-    prior : PsychometricPrior, optional
-        What was known before.
     fine : tuple of int
         Nodes of the grid that integrates the posterior.
     """
-    grid = posterior_grid(counts, prior or PsychometricPrior(), fine=fine)
+    grid = posterior_grid(counts, fine=fine)
     threshold, width, guess, lapse = (_estimate(grid, axis) for axis in range(4))
     function = PsychometricFunction(
         float(np.exp(threshold.mean)), float(np.exp(width.mean)), guess.mean, lapse.mean
@@ -93,43 +86,26 @@ def fit_psychometric(
 
 
 def _estimate(grid: PosteriorGrid, axis: int) -> ParameterEstimate:
-    """Return the summary of one parameter."""
     low, median, high = grid.quantiles(axis, INTERVAL)
     return ParameterEstimate(*grid.mean_and_sd(axis), median, low, high)
 
 
-@dataclass(frozen=True, slots=True)
-class PsychometricPrior:
-    """What is known of a psychometric function before the first answer; reasons in docs/decisions.
+def lapse_prior(guess_rate: float | None) -> tuple[float, float]:
+    """Return the Beta parameters of the lapse rate, for a guess rate that the task fixes or not (None).
 
-    Attributes
-    ----------
-    threshold_falloff : float
-        The prior of ln(threshold) is flat over the tested rates and falls off beyond them as a Gaussian of
-        this standard deviation.
-    width_median, width_spread : float
-        Log-normal prior of the width: its median, and the standard deviation of ln(width).
-    guess, lapse : (float, float)
-        Parameters of their Beta priors; that of lapses is for yes/no.
+    Who did not look answers at random, and of two intervals half of the random answers are right: lapses show
+    half as often.
+
+    >>> lapse_prior(None), lapse_prior(0.5)
+    ((1.0, 30.0), (1.0, 60.0))
     """
+    a, b = LAPSE_PRIOR
+    return a, b / (1 - (guess_rate or 0.0))
 
-    threshold_falloff: float = 0.5
-    width_median: float = 1.6
-    width_spread: float = 0.6
-    guess: tuple[float, float] = (1.0, 10.0)
-    lapse: tuple[float, float] = (1.0, 30.0)
 
-    def lapse_after(self, guess_rate: float | None) -> tuple[float, float]:
-        """Return the Beta parameters of the lapse rate, for a guess rate that the task fixes or not (None).
-
-        Who did not look answers at random, and of two intervals half of the random answers are right: lapses
-        show half as often.
-
-        >>> PsychometricPrior(lapse=(1.0, 30.0)).lapse_after(0.5)
-        (1.0, 60.0)
-        """
-        a, b = self.lapse
-        return a, b / (1 - (guess_rate or 0.0))
+def guess_prior(catch_yes: Count, catch_trials: int) -> tuple[Count, Count]:
+    """Return the Beta parameters of the guess rate, given the answers "yes" in catch trials alone."""
+    return GUESS_PRIOR[0] + catch_yes, GUESS_PRIOR[1] + catch_trials - catch_yes
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,34 +113,27 @@ class Axis:
     """The interval of one parameter, its nodes, and the logarithms of their prior and of their weights."""
 
     interval: tuple[float, float]
-    nodes: NDArray[np.float64]
-    ln_prior: NDArray[np.float64]
-    ln_weights: NDArray[np.float64]
+    nodes: Array
+    ln_prior: Array
+    ln_weights: Array
 
 
 @dataclass(frozen=True, slots=True)
 class PosteriorGrid:
-    """A posterior on a grid.
+    """A posterior on a grid."""
 
-    Attributes
-    ----------
-    axes : tuple of Axis
-        ln(threshold), ln(width), guess rate, lapse rate.
-    masses : array (n_threshold, n_width, n_guess, n_lapse)
-        Posterior probability of each node; they add up to 1.
-    """
+    axes: tuple[Axis, Axis, Axis, Axis]  # ln(threshold), ln(width), guess rate, lapse rate
+    masses: Array  # posterior probability of each node, an axis each; they add up to 1
 
-    axes: tuple[Axis, Axis, Axis, Axis]
-    masses: NDArray[np.float64]
-
-    def marginal(self, axis: int) -> NDArray[np.float64]:
+    def marginal(self, axis: int) -> Array:
         """Return the posterior probability of each node of one axis."""
-        others = tuple(i for i in range(4) if i != axis)
-        return np.asarray(self.masses.sum(axis=others))
+        return np.asarray(self.masses.sum(axis=tuple(i for i in range(4) if i != axis)))
 
     def mean_and_sd(self, axis: int) -> tuple[float, float]:
         """Return mean and standard deviation of one parameter."""
         nodes, mass = self.axes[axis].nodes, self.marginal(axis)
+        if nodes.size == 1:  # known
+            return float(nodes[0]), 0.0
         mean = float(nodes @ mass)
         return mean, float(np.sqrt((nodes - mean) ** 2 @ mass))
 
@@ -190,29 +159,22 @@ class PosteriorGrid:
 
 def posterior_grid(
     counts: RampCounts,
-    prior: PsychometricPrior,
     coarse: tuple[int, int, int, int] = COARSE_NODES,
     fine: tuple[int, int, int, int] = FINE_NODES,
 ) -> PosteriorGrid:
     """Return the posterior of ln(threshold), ln(width), guess and lapse rate for the answers at one level.
 
-    Parameters
-    ----------
-    counts, prior : RampCounts, PsychometricPrior
-        The answers, and what was known before.
-    coarse, fine : tuple of int
-        Nodes of the grid that finds the posterior, and of the one that integrates it; a known guess rate
-        takes one.
+    A coarse grid finds it, a fine one integrates it; a known guess rate takes one node.
     """
     if counts.guess_rate is not None:
         coarse, fine = ((*sizes[:2], 1, sizes[3]) for sizes in (coarse, fine))
     share = min(1.0, PLENTY / max(1, int(np.sum(counts.n_trials)) + counts.catch_trials))
     weaker = _share_of(counts, share)
-    located = _integrate(weaker, prior, _whole_range(weaker, prior), coarse)
+    located = _integrate(weaker, _whole_range(weaker), coarse)
     while share < 1.0:
         share = min(1.0, share * NARROWING)
-        located = _integrate(_share_of(counts, share), prior, _faded_ranges(located), fine)
-    return _integrate(counts, prior, _faded_ranges(located), fine)
+        located = _integrate(_share_of(counts, share), _faded_ranges(located), fine)
+    return _integrate(counts, _faded_ranges(located), fine)
 
 
 def _share_of(counts: RampCounts, share: float) -> RampCounts:
@@ -228,26 +190,20 @@ def _share_of(counts: RampCounts, share: float) -> RampCounts:
     )
 
 
-def _whole_range(counts: RampCounts, prior: PsychometricPrior) -> tuple[tuple[float, float], ...]:
-    """Return the interval of each parameter outside which the prior has faded."""
+def _whole_range(counts: RampCounts) -> tuple[tuple[float, float], ...]:
     beyond = np.sqrt(-2 * FADED)
     x = np.log(counts.rates)
-    middle = float(np.log(prior.width_median))
-    a, b = _guess_after_catch_trials(counts, prior)
+    middle, spread = float(np.log(WIDTH_PRIOR[0])), WIDTH_PRIOR[1]
+    a, b = guess_prior(counts.catch_yes, counts.catch_trials)
     guess = float(special.betaincinv(a, b, TAIL)), float(special.betainccinv(a, b, TAIL))
     if counts.guess_rate is not None:
         guess = counts.guess_rate, counts.guess_rate
     return (
-        (float(x[0] - beyond * prior.threshold_falloff), float(x[-1] + beyond * prior.threshold_falloff)),
-        (middle - beyond * prior.width_spread, middle + beyond * prior.width_spread),
+        (float(x[0] - beyond * THRESHOLD_FALLOFF), float(x[-1] + beyond * THRESHOLD_FALLOFF)),
+        (middle - beyond * spread, middle + beyond * spread),
         (min(guess[0], 0.9 * MAX_GUESS), min(guess[1], MAX_GUESS)),
         (0.0, MAX_LAPSE),
     )
-
-
-def _guess_after_catch_trials(counts: RampCounts, prior: PsychometricPrior) -> tuple[float, float]:
-    """Return the Beta parameters of the guess rate, given the prior and the catch trials alone."""
-    return prior.guess[0] + counts.catch_yes, prior.guess[1] + counts.catch_trials - counts.catch_yes
 
 
 def _faded_ranges(grid: PosteriorGrid) -> tuple[tuple[float, float], ...]:
@@ -266,70 +222,72 @@ def _faded_ranges(grid: PosteriorGrid) -> tuple[tuple[float, float], ...]:
 
 def _integrate(
     counts: RampCounts,
-    prior: PsychometricPrior,
     ranges: tuple[tuple[float, float], ...],
     sizes: tuple[int, int, int, int],
 ) -> PosteriorGrid:
-    """Return the posterior on a grid over the given intervals."""
     x = np.log(counts.rates)
     t, w = ((np.linspace(*ranges[i], sizes[i]), np.zeros(sizes[i])) for i in (0, 1))  # equal weights: ln 1
     g, m = (_gauss_nodes(*ranges[i], sizes[i]) for i in (2, 3))
-    outside = np.maximum(0.0, np.maximum(x[0] - t[0], t[0] - x[-1])) / prior.threshold_falloff
-    off_middle = (w[0] - np.log(prior.width_median)) / prior.width_spread
+    outside = np.maximum(0.0, np.maximum(x[0] - t[0], t[0] - x[-1])) / THRESHOLD_FALLOFF
+    off_middle = (w[0] - np.log(WIDTH_PRIOR[0])) / WIDTH_PRIOR[1]
+    guess = guess_prior(counts.catch_yes, counts.catch_trials)
     axes = (
         Axis(ranges[0], t[0], -0.5 * outside**2, t[1]),
         Axis(ranges[1], w[0], -0.5 * off_middle**2, w[1]),
-        Axis(ranges[2], g[0], _ln_beta(g[0], *_guess_after_catch_trials(counts, prior)), g[1]),
-        Axis(ranges[3], m[0], _ln_beta(m[0], *prior.lapse_after(counts.guess_rate)), m[1]),
+        Axis(ranges[2], g[0], _ln_beta(g[0], *guess), g[1]),
+        Axis(ranges[3], m[0], _ln_beta(m[0], *lapse_prior(counts.guess_rate)), m[1]),
     )
-    ln_masses = _ln_likelihood(counts, *(axis.nodes for axis in axes))
+    # The odds are a product of one factor of threshold and width and one of the asymptotes, so that no
+    # exponential is taken on the whole grid.
+    guess_rate, lapse_rate = g[0][:, None], m[0][None, :]
+    at_threshold = (THRESHOLD_PROBABILITY - guess_rate) / (1 - THRESHOLD_PROBABILITY - lapse_rate)
+    logits = ((ln_rate - t[0])[:, None] * (WIDTH_LOGITS / np.exp(w[0])) for ln_rate in x)
+    odds = (np.exp(np.clip(z, -MAX_LOGIT, MAX_LOGIT))[:, :, None, None] * at_threshold for z in logits)
+    ln_masses = ln_likelihood(counts, odds, guess_rate, lapse_rate, np.zeros(sizes))
     for i, axis in enumerate(axes):
-        ln_masses += (axis.ln_prior + axis.ln_weights).reshape([-1 if i == j else 1 for j in range(4)])
+        own = axis.ln_prior + axis.ln_weights
+        ln_masses += own.reshape([-1 if i == j else 1 for j in range(4)])
     masses = np.exp(ln_masses - ln_masses.max())
     return PosteriorGrid(axes, masses / masses.sum())
 
 
-def _ln_likelihood(
-    counts: RampCounts,
-    ln_threshold: NDArray[np.float64],
-    ln_width: NDArray[np.float64],
-    guess: NDArray[np.float64],
-    lapse: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    """Return the log-likelihood of the ramps' answers at every node.
+def ln_likelihood(
+    counts: RampCounts, odds: Iterable[Array], guess: Array, lapse: Array, total: Array
+) -> Array:
+    """Return the log-likelihood of answers, over nodes of guess and lapse rate and of what the odds are for.
 
-    With odds s = F / (1 - F): ψ = (γ + (1 - λ)s) / (1 + s) and 1 - ψ = ((1 - γ) + λs) / (1 + s). The odds are
-    a product of one factor of threshold and width and one of the asymptotes, so that no exponential is taken
-    on the whole grid; both numerators stay above 0 because Gaussian nodes never touch 0.
+    With odds s = F / (1 - F): ψ = (γ + (1 - λ)s) / (1 + s) and 1 - ψ = ((1 - γ) + λs) / (1 + s). Both
+    numerators stay above 0 where neither rate is 0, as at the nodes of Gauss.
+
+    Parameters
+    ----------
+    counts, odds : RampCounts, iterable of array
+        The answers, and the odds of the rise F at each of their rates.
+    guess, lapse : array
+        Nodes; odds, guess and lapse broadcast.
+    total : array
+        What it is added to, in place.
     """
-    g, m = guess[:, None], lapse[None, :]
-    at_threshold = (THRESHOLD_PROBABILITY - g) / (1 - THRESHOLD_PROBABILITY - m)
-    slope = WIDTH_LOGITS / np.exp(ln_width)
-    total = np.zeros((ln_threshold.size, ln_width.size, guess.size, lapse.size))
-    for rate, n_yes, n_trials in zip(counts.rates, counts.n_yes, counts.n_trials, strict=True):
-        logit = np.clip((np.log(rate) - ln_threshold)[:, None] * slope, -MAX_LOGIT, MAX_LOGIT)
-        odds = np.exp(logit)[:, :, None, None] * at_threshold
-        share = 1.0 / (1.0 + odds)
+    for s, n_yes, n_trials in zip(odds, counts.n_yes, counts.n_trials, strict=True):
+        share = 1.0 / (1.0 + s)
         if n_yes:
-            total += n_yes * np.log((g + (1 - m) * odds) * share)
+            total += n_yes * np.log((guess + (1 - lapse) * s) * share)
         if n_trials - n_yes:
-            total += (n_trials - n_yes) * np.log(((1 - g) + m * odds) * share)
+            total += (n_trials - n_yes) * np.log(((1 - guess) + lapse * s) * share)
     return total
 
 
-def _ln_beta(p: NDArray[np.float64], a: float, b: float) -> NDArray[np.float64]:
+def _ln_beta(p: Array, a: float, b: float) -> Array:
     """Return the logarithm of a Beta density, without its constant."""
     return np.asarray(special.xlogy(a - 1, p) + special.xlog1py(b - 1, -p))
 
 
-def _gauss_nodes(low: float, high: float, size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return Gauss-Legendre nodes and the logarithm of their weights."""
+def _gauss_nodes(low: float, high: float, size: int) -> tuple[Array, Array]:
     nodes, weights = _legendre_rule(size)
     return low + (high - low) * (nodes + 1) / 2, np.log(weights)
 
 
 @cache
-def _legendre_rule(size: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the Gauss-Legendre rule on [-1, 1]."""
+def _legendre_rule(size: int) -> tuple[Array, Array]:
     nodes, weights = special.roots_legendre(size)
     return np.asarray(nodes), np.asarray(weights)

@@ -2,63 +2,43 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array, Integers
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold
 
 TWO_INTERVAL_GUESS_RATE = 0.5  # right by chance
+T = TypeVar("T")
 SAME_LEVEL = 1.05  # a ratio of luminances that moves no threshold by more than its own error (choice)
 
 
 @dataclass(frozen=True, slots=True)
 class RampLevelKey:
-    """A level of the experiment: what is shown, and what is asked.
+    """A level of the experiment: what is shown, and what is asked."""
 
-    Attributes
-    ----------
-    screen, factor, luminance : str, float, float
-        "white" or "gray", initial brightness factor b, and initial luminance [cd/m^2].
-    direction, ramp_duration : Direction, float
-        Which way the luminance goes, and for how long [s].
-    procedure : Procedure
-        What is asked.
-    """
-
-    screen: str
-    factor: float
-    luminance: float
+    screen: str  # "white" or "gray"
+    factor: float  # initial brightness factor b
+    luminance: float  # initial [cd/m^2]
     direction: Direction = Direction.DOWN
-    ramp_duration: float = 5.0
+    ramp_duration: float = 5.0  # [s]
     procedure: Procedure = Procedure.YES_NO
 
 
 @dataclass(frozen=True, slots=True)
 class RampCounts:
-    """Answers of one participant at one luminance level.
+    """Answers of one participant at one luminance level."""
 
-    Attributes
-    ----------
-    rates : array (m,)
-        Rates tested, rising [cd/m^2/s].
-    n_yes, n_trials : array (m,)
-        Successes and trials at each: answers "yes", or of two intervals the right one.
-    catch_yes, catch_trials : int
-        The participant's answers "yes" in catch trials, and catch trials.
-    guess_rate : float or None
-        The guess rate where the task fixes it, as the choice between two intervals does at 0.5; None where it
-        has to be found out.
-    """
-
-    rates: NDArray[np.float64]
-    n_yes: NDArray[np.int64]
-    n_trials: NDArray[np.int64]
-    catch_yes: int = 0
+    rates: Array  # tested, rising, (m,) [cd/m^2/s]
+    n_yes: Integers  # successes at each: answers "yes", or of two intervals the right one
+    n_trials: Integers
+    catch_yes: int = 0  # the participant's answers "yes" in catch trials
     catch_trials: int = 0
+    # Where the task fixes it, as the choice between two intervals does at 0.5; None: to be found out.
     guess_rate: float | None = None
 
     @property
@@ -101,13 +81,13 @@ def group_by_participant_and_level(
     return dict(sorted(groups.items(), key=lambda item: (item[0][0], level_order(item[0][1]))))
 
 
-def group_by_level(trials: Iterable[RampTrial]) -> dict[RampLevelKey, list[RampTrial]]:
-    """Return the trials of all participants at each level, under all calibrations of the display."""
-    trials = tuple(trials)
-    joined = joined_levels(level_of_trial(trial) for trial in trials)
-    groups: dict[RampLevelKey, list[RampTrial]] = {}
-    for trial in trials:
-        groups.setdefault(joined[level_of_trial(trial)], []).append(trial)
+def by_joined_level(items: Iterable[T], level_of: Callable[[T], RampLevelKey]) -> dict[RampLevelKey, list[T]]:
+    """Return what belongs to each level of the population, under all calibrations of the display."""
+    items = tuple(items)
+    joined = joined_levels(map(level_of, items))
+    groups: dict[RampLevelKey, list[T]] = {}
+    for item in items:
+        groups.setdefault(joined[level_of(item)], []).append(item)
     return groups
 
 
@@ -152,6 +132,30 @@ def catch_counts(trials: Iterable[RampTrial]) -> dict[str, tuple[int, int]]:
             yes, total = counts.get(trial.participant_id, (0, 0))
             counts[trial.participant_id] = (yes + (trial.response is Response.YES), total + 1)
     return counts
+
+
+def pooled_counts(participants: Sequence[RampCounts]) -> RampCounts:
+    """Return all participants' answers pooled, catch trials left out."""
+    rates, index = np.unique(np.concatenate([c.rates for c in participants]), return_inverse=True)
+    n_yes, n_trials = np.zeros((2, rates.size), dtype=np.int64)
+    np.add.at(n_yes, index, np.concatenate([c.n_yes for c in participants]))
+    np.add.at(n_trials, index, np.concatenate([c.n_trials for c in participants]))
+    return RampCounts(rates, n_yes, n_trials, guess_rate=participants[0].guess_rate)
+
+
+def counts_by_participant_and_level(
+    trials: Iterable[RampTrial],
+) -> dict[tuple[str, RampLevelKey], RampCounts]:
+    """Return the answers to ramps by participant and level; in yes/no with all their catch trials."""
+    trials = tuple(trials)
+    catches = catch_counts(trials)
+    groups = group_by_participant_and_level(trial for trial in trials if not trial.is_catch)
+    return {
+        (who, level): ramp_counts(
+            group, *(catches.get(who, (0, 0)) if level.procedure is Procedure.YES_NO else (0, 0))
+        )
+        for (who, level), group in groups.items()
+    }
 
 
 def ramp_counts(ramps: Sequence[RampTrial], catch_yes: int = 0, catch_trials: int = 0) -> RampCounts:

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
+from evenlight.analysis.wording import percent
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, PsychometricFunction, rate_at
@@ -27,38 +28,21 @@ TWO_INTERVAL_D_PRIME = math.sqrt(2) * Z_THRESHOLD  # 0.954: 75 % right
 
 @dataclass(frozen=True, slots=True)
 class Criterion:
-    """How readily a participant says "yes" (signal detection, equal variances).
+    """How readily a participant says "yes" (signal detection, equal variances)."""
 
-    Attributes
-    ----------
-    false_alarm_rate : float
-        "Yes" in catch trials, as counted.
-    criterion : float
-        Distance of the criterion from the mean of "nothing changed", z(1 - FA), in standard deviations.
-    d_prime_at_threshold : float
-        d′ of a ramp that is noticed in 75 % of the trials: z(0.75) + z(1 - FA); 0.95 is what 75 % correct in
-        a true two-interval choice stands for.
-    """
-
-    false_alarm_rate: float
-    criterion: float
+    false_alarm_rate: float  # "yes" in catch trials, as counted
+    criterion: float  # its distance from the mean of "nothing changed", z(1 - FA), in standard deviations
+    # d' of a ramp that is noticed in 75 % of the trials, z(0.75) + z(1 - FA); 75 % right of two intervals
+    # stands for 0.95
     d_prime_at_threshold: float
 
 
 @dataclass(frozen=True, slots=True)
 class IntervalBias:
-    """How a participant leans to one of two intervals.
+    """How a participant leans to one of two intervals."""
 
-    Attributes
-    ----------
-    first_share : float
-        Share of answers "first".
-    bias : float
-        c = -(z(P("second" | second)) + z(P("second" | first))) / 2: 0 without a leaning, above 0 if the
-        participant leans to the first.
-    """
-
-    first_share: float
+    first_share: float  # share of answers "first"
+    # c = -(z(P("second" | second)) + z(P("second" | first))) / 2: above 0 if they lean to the first
     bias: float
 
 
@@ -99,7 +83,7 @@ def interval_biases(trials: Iterable[RampTrial]) -> dict[str, IntervalBias]:
 def rate_of_d_prime(
     d_prime: float, function: PsychometricFunction, criterion: float | None = None
 ) -> float | None:
-    """Return the rate [cd/m^2/s] at which a participant's d′ has some value.
+    """Return the rate [cd/m^2/s] at which a participant's d′ has some value; None where it never has.
 
     Parameters
     ----------
@@ -108,20 +92,14 @@ def rate_of_d_prime(
     criterion : float, optional
         z(1 - FA) in yes/no; none for the choice between two intervals.
 
-    Returns
-    -------
-    float or None
-        None where the function does not reach that probability.
-
     >>> two = PsychometricFunction(threshold=2.0, width=1.5, guess_rate=0.5)
     >>> round(rate_of_d_prime(TWO_INTERVAL_D_PRIME, two), 9)
     2.0
     """
     z = d_prime / math.sqrt(2) if criterion is None else d_prime - criterion
-    probability = float(special.ndtr(z))
-    if not function.guess_rate < probability < 1 - function.lapse_rate:
-        return None
-    return float(rate_at(probability, function))
+    share = float(special.ndtr(z))
+    reached = function.guess_rate < share < 1 - function.lapse_rate
+    return float(rate_at(share, function)) if reached else None
 
 
 def _z(count: int, total: int) -> float:
@@ -132,17 +110,9 @@ def _z(count: int, total: int) -> float:
 def false_alarm_warnings(
     criteria: Mapping[str, Criterion], thresholds: Iterable[Threshold]
 ) -> tuple[str, ...]:
-    """Return what is wrong with the answers to catch trials: too many "yes", or not the same at all levels.
-
-    Parameters
-    ----------
-    criteria : mapping of str to Criterion
-        Of each participant with catch trials.
-    thresholds : iterable of Threshold
-        Of all participants and levels.
-    """
-    many = [f"{who} ({c.false_alarm_rate:.0%})" for who, c in criteria.items()
-            if c.false_alarm_rate > MANY_FALSE_ALARMS]  # fmt: skip
+    """Return what is wrong with answers to catch trials: too many "yes", or not the same at all levels."""
+    rates = {who: own.false_alarm_rate for who, own in criteria.items()}
+    many = [f"{who} ({percent(rate, 0)})" for who, rate in rates.items() if rate > MANY_FALSE_ALARMS]
     warnings = []
     if many:
         warnings.append(

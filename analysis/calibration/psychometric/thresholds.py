@@ -9,7 +9,6 @@ standard deviation.
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -24,21 +23,21 @@ from evenlight.analysis.calibration.psychometric.goodness_of_fit import (
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
     FINE_NODES,
     PsychometricFit,
-    PsychometricPrior,
     fit_psychometric,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampCounts,
     RampLevelKey,
     catch_counts,
+    counts_by_participant_and_level,
     group_by_participant_and_level,
-    ramp_counts,
+    level_of_threshold,
 )
 from evenlight.analysis.calibration.psychometric.signal_detection import (
     COMPARED_D_PRIME,
     TWO_INTERVAL_D_PRIME,
     criterion_of,
-    interval_biases,
+    interval_bias_of,
     rate_of_d_prime,
 )
 from evenlight.data_schema.arrays import Array
@@ -47,8 +46,6 @@ from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, yes_probability
 
 UNUSABLE = (ThresholdFlag.ALL_YES, ThresholdFlag.ALL_NO, ThresholdFlag.FALSE_ALARMS)
-
-
 MAX_FALSE_ALARM_RATE = 0.5  # above it, "yes" is said more often than not to nothing at all
 LARGEST_LN_RATIO = 3.0  # a first-order estimate beyond a factor of 20 says only that the drift is large
 LEAST_INFORMATION = 1e-3  # a standard error of 30 in ln(threshold): nothing is known
@@ -56,40 +53,20 @@ LEAST_INFORMATION = 1e-3  # a standard error of 30 in ln(threshold): nothing is 
 
 @dataclass(frozen=True, slots=True)
 class ThresholdFit:
-    """A threshold with the fit that it comes from: what a figure of one psychometric function needs.
-
-    Attributes
-    ----------
-    threshold, fit : Threshold, PsychometricFit
-        The record; answers, fitted function, posterior.
-    goodness : GoodnessOfFit or None
-        How well the function describes the answers; None with too few rates to judge by.
-    """
+    """A threshold with the fit that it comes from: what a figure of one psychometric function needs."""
 
     threshold: Threshold
     fit: PsychometricFit
-    goodness: GoodnessOfFit | None = None
-
-    @property
-    def without_drift(self) -> ThresholdFit:
-        """The same of trials whose order is unknown."""
-        return dataclasses.replace(
-            self, threshold=dataclasses.replace(self.threshold, drift_ratio=None, drift_p=None)
-        )
+    goodness: GoodnessOfFit | None = None  # None with too few rates to judge by
 
 
-@dataclass(frozen=True, slots=True)
-class _Person:
-    """What is a participant's and not a level's."""
-
-    d_prime: float | None = None
-    criterion: float | None = None
-    drift: Drift | None = None
+def level_of_fit(fit: ThresholdFit) -> RampLevelKey:
+    """Return the level that a fit belongs to."""
+    return level_of_threshold(fit.threshold)
 
 
 def fit_thresholds_of(
     trials: Iterable[RampTrial],
-    prior: PsychometricPrior | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
     judge: bool = True,
     fine: tuple[int, int, int, int] = FINE_NODES,
@@ -103,8 +80,6 @@ def fit_thresholds_of(
     ----------
     trials : iterable of RampTrial
         Of one or more participants and sessions.
-    prior : PsychometricPrior, optional
-        For every fit.
     report : callable, optional
         Called with the fits done and their total.
     judge : bool
@@ -115,55 +90,41 @@ def fit_thresholds_of(
     groups = group_by_participant_and_level(trials)
     everything = [trial for group in groups.values() for trial in group]
     catches = catch_counts(everything)
-    ramps = {key: [t for t in group if not t.is_catch] for key, group in groups.items()}
-    ramps = {key: group for key, group in ramps.items() if group}
+    counted = counts_by_participant_and_level(everything)
+    ramps = {key: [trial for trial in groups[key] if not trial.is_catch] for key in counted}
     found = {}
-    for done, (key, group) in enumerate(ramps.items(), start=1):
-        caught = catches.get(key[0], (0, 0)) if key[1].procedure is Procedure.YES_NO else (0, 0)
-        counts = ramp_counts(group, *caught)
-        found[key] = fit_psychometric(counts, prior, fine), goodness_of_fit(counts, prior) if judge else None
-        report(done, len(ramps))
-    times = trial_times(everything)
-    people = {
-        (who, task): _person(who, task, ramps, found, catches, times)
-        for who, task in dict.fromkeys((who, level.procedure) for who, level in ramps)
-    }
-    records = {
-        key: _record(key, fit, goodness, people[key[0], key[1].procedure])
-        for key, (fit, goodness) in found.items()
-    }
+    for done, (key, counts) in enumerate(counted.items(), start=1):
+        found[key] = fit_psychometric(counts, fine), goodness_of_fit(counts) if judge else None
+        report(done, len(counted))
+    times = _trial_times(everything)
+    people = {}  # what is a participant's and not a level's
+    for who, task in dict.fromkeys((who, level.procedure) for who, level in ramps):
+        own = [key for key in ramps if key[0] == who and key[1].procedure is task]
+        drift = drift_of([_timed(found[key][0].function, ramps[key], times) for key in own])
+        bias = _bias(task, catches.get(who), [trial for key in own for trial in ramps[key]])
+        people[who, task] = bias, drift
     return [
-        ThresholdFit(_with_own_catches(records[key], groups[key]), fit, goodness)
-        for key, (fit, goodness) in found.items()
+        ThresholdFit(_record(key, fits, groups[key], *people[key[0], key[1].procedure]), *fits)
+        for key, fits in found.items()
     ]
 
 
-Ramps = dict[tuple[str, RampLevelKey], list[RampTrial]]
-Fits = dict[tuple[str, RampLevelKey], tuple[PsychometricFit, GoodnessOfFit | None]]
+def _bias(
+    task: Procedure, catches: tuple[int, int] | None, answers: Sequence[RampTrial]
+) -> tuple[float | None, float | None]:
+    """Return d′ at the threshold, and the criterion or the leaning to one of the intervals."""
+    if task is Procedure.TWO_INTERVAL:
+        return TWO_INTERVAL_D_PRIME, interval_bias_of(answers).bias
+    if catches is None:
+        return None, None
+    criterion = criterion_of(*catches)
+    return criterion.d_prime_at_threshold, criterion.criterion
+
+
 TrialKey = tuple[str, str, int]
 
 
-def _person(
-    who: str,
-    task: Procedure,
-    ramps: Ramps,
-    fits: Fits,
-    catches: dict[str, tuple[int, int]],
-    times: dict[TrialKey, float],
-) -> _Person:
-    """Return criterion and drift of a participant in one task."""
-    own = {key: group for key, group in ramps.items() if key[0] == who and key[1].procedure is task}
-    drift = drift_of([_timed(fits[key][0], group, times) for key, group in own.items()])
-    if task is Procedure.TWO_INTERVAL:
-        answered = [trial for group in own.values() for trial in group]
-        return _Person(TWO_INTERVAL_D_PRIME, interval_biases(answered)[who].bias, drift)
-    if who not in catches:
-        return _Person(drift=drift)
-    criterion = criterion_of(*catches[who])
-    return _Person(criterion.d_prime_at_threshold, criterion.criterion, drift)
-
-
-def trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
+def _trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
     """Return the place of each trial among all of its participant's, from 0 (first) to 1 (last).
 
     Sessions follow each other in order of their names.
@@ -177,14 +138,14 @@ def trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
 
 
 def _key(trial: RampTrial) -> TrialKey:
-    """Return what names a trial."""
     return trial.participant_id, trial.session_id, trial.trial_index
 
 
-def _timed(fit: PsychometricFit, ramps: Sequence[RampTrial], times: dict[TrialKey, float]) -> TimedAnswers:
-    """Return the answers at a level in time."""
+def _timed(
+    function: PsychometricFunction, ramps: Sequence[RampTrial], times: dict[TrialKey, float]
+) -> TimedAnswers:
     return TimedAnswers(
-        fit.function,
+        function,
         np.array([trial.rate for trial in ramps]),
         np.array([float(trial.success) for trial in ramps]),
         np.array([times[_key(trial)] for trial in ramps]),
@@ -218,25 +179,22 @@ def flag_of(counts: RampCounts, threshold: float, fit_p: float | None = None) ->
     return ThresholdFlag.POOR_FIT if poor else ThresholdFlag.NONE
 
 
-def _with_own_catches(threshold: Threshold, group: Sequence[RampTrial]) -> Threshold:
-    """Return a threshold with the catch trials of its level, which `false_alarm_rate` takes together."""
-    catches = [trial.success for trial in group if trial.is_catch]
-    rate = sum(catches) / len(catches) if catches else None
-    return dataclasses.replace(threshold, level_n_catch=len(catches), level_false_alarm_rate=rate)
-
-
 def _record(
-    key: tuple[str, RampLevelKey], fit: PsychometricFit, goodness: GoodnessOfFit | None, person: _Person
+    key: tuple[str, RampLevelKey],
+    fits: tuple[PsychometricFit, GoodnessOfFit | None],
+    group: Sequence[RampTrial],
+    bias: tuple[float | None, float | None],
+    drift: tuple[float, float] | None,
 ) -> Threshold:
-    """Return the record of a fitted threshold."""
-    counts, (participant, level) = fit.counts, key
+    (participant, level), (fit, goodness), (d_prime, criterion) = key, fits, bias
+    counts = fit.counts
     threshold = fit.function.threshold
     two = level.procedure is Procedure.TWO_INTERVAL
-    known = two or person.criterion is not None
-    compared = (
-        rate_of_d_prime(COMPARED_D_PRIME, fit.function, None if two else person.criterion) if known else None
-    )
+    compared = None
+    if criterion is not None:
+        compared = rate_of_d_prime(COMPARED_D_PRIME, fit.function, None if two else criterion)
     fit_p = goodness.p_value if goodness else None
+    catches = [trial.success for trial in group if trial.is_catch]  # at this level alone
     return Threshold(
         participant_id=participant,
         screen=level.screen,
@@ -256,71 +214,38 @@ def _record(
         direction=level.direction,
         ramp_duration=level.ramp_duration,
         procedure=level.procedure,
-        d_prime=person.d_prime,
-        criterion=person.criterion,
+        d_prime=d_prime,
+        criterion=criterion,
         threshold_d_prime_1=compared,
         deviance=goodness.deviance if goodness else None,
         deviance_p=fit_p,
-        drift_ratio=person.drift.ratio if person.drift else None,
-        drift_p=person.drift.p_value if person.drift else None,
+        drift_ratio=drift[0] if drift else None,
+        drift_p=drift[1] if drift else None,
+        level_n_catch=len(catches),
+        level_false_alarm_rate=sum(catches) / len(catches) if catches else None,
     )
 
 
 @dataclass(frozen=True, slots=True)
 class TimedAnswers:
-    """Answers at one level in the order of the trials, and the function fitted to them.
-
-    Attributes
-    ----------
-    function : PsychometricFunction
-        Fitted.
-    rates, success, times : array (n,)
-        Rate of each trial [cd/m^2/s]; 1 or 0; its place among all of the participant's, from 0 to 1.
-    """
+    """Answers at one level in the order of the trials, and the function fitted to them."""
 
     function: PsychometricFunction
-    rates: Array
-    success: Array
-    times: Array
+    rates: Array  # of each trial, (n,) [cd/m^2/s]
+    success: Array  # 1 or 0
+    times: Array  # place among all of the participant's trials, from 0 to 1
 
 
-@dataclass(frozen=True, slots=True)
-class Drift:
-    """How a participant's thresholds moved from the first trial to the last.
+def drift_of(levels: Sequence[TimedAnswers]) -> tuple[float, float] | None:
+    """Return how one participant's thresholds moved, to first order; None if no answer tells.
 
-    Attributes
-    ----------
-    ratio, ci_low, ci_high : float
-        Threshold at the end over that at the beginning, to first order, and its 95 % confidence interval.
-    p_value : float
-        Probability of a drift as clear as this one without any.
+    Those at the end of the trials over those at their beginning, and the p value of no drift.
     """
-
-    ratio: float
-    ci_low: float
-    ci_high: float
-    p_value: float
-
-
-def drift_of(levels: Sequence[TimedAnswers]) -> Drift | None:
-    """Return the drift of one participant's thresholds, over all levels; None if no answer tells.
-
-    Parameters
-    ----------
-    levels : sequence of TimedAnswers
-        Of the participant.
-    """
-    score = information = 0.0
-    for level in levels:
-        own = _score(level)
-        score, information = score + own[0], information + own[1]
+    score, information = np.reshape([_score(level) for level in levels], (-1, 2)).sum(axis=0).tolist()
     if information < LEAST_INFORMATION:
         return None
-    error = information**-0.5
     change = float(np.clip(score / information, -LARGEST_LN_RATIO, LARGEST_LN_RATIO))
-    half = 1.96 * error
-    ends = np.exp(np.clip([change, change - half, change + half], -50, 50))
-    return Drift(float(ends[0]), float(ends[1]), float(ends[2]), float(2 * special.ndtr(-abs(score * error))))
+    return float(np.exp(change)), float(2 * special.ndtr(-abs(score * information**-0.5)))
 
 
 def _score(level: TimedAnswers) -> tuple[float, float]:

@@ -13,17 +13,17 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
     CurveBasis,
-    LuminanceAbscissa,
     RateLimitOptions,
     basis_for,
+    bounds,
 )
 from evenlight.analysis.inference.mixed_model import GroupedEstimates, MixedModelFit, fit_mixed_model
 from evenlight.data_schema.arrays import Array
@@ -52,23 +52,20 @@ class Condition:
         way = "falling" if self.direction is Direction.DOWN else "rising"
         return f"{way} ramps of {self.ramp_duration:g} s"
 
+    @property
+    def of_limit(self) -> dict[str, Any]:
+        """The fields of a rate limit or of its options that name the ramps."""
+        return {"direction": self.direction, "ramp_duration": self.ramp_duration}
+
 
 @dataclass(frozen=True, slots=True)
 class ConditionEffect:
-    """The thresholds of a condition as a multiple of the reference's.
-
-    Attributes
-    ----------
-    condition, reference : Condition
-        Which are compared.
-    ratio, ci_low, ci_high : float
-        Of the threshold rates, and its 95 % confidence interval.
-    """
+    """The thresholds of a condition as a multiple of the reference's."""
 
     condition: Condition
     reference: Condition
-    ratio: float
-    ci_low: float
+    ratio: float  # of the threshold rates
+    ci_low: float  # its 95 % confidence interval
     ci_high: float
 
     @property
@@ -79,9 +76,10 @@ class ConditionEffect:
     @property
     def in_words(self) -> str:
         """What was found, as a sentence."""
+        known = bounds(self.ci_low, self.ci_high, ".2f")
         words = (
             f"{self.condition.words} have {self.ratio:.2f} x the threshold rate of {self.reference.words} "
-            f"({self.ci_low:.2f} to {self.ci_high:.2f})"
+            f"({known})"
         )
         if self.condition.ramp_duration != self.reference.ramp_duration:
             words += (
@@ -124,13 +122,7 @@ def allowed_references(conditions: Sequence[Condition], options: RateLimitOption
     return allowed
 
 
-def indicators(thresholds: Sequence[Threshold], others: Sequence[Condition]) -> Array:
-    """Return a column of 0 and 1 for each condition other than the reference, shape (n, k)."""
-    own = [condition_of(threshold) for threshold in thresholds]
-    return np.array([[float(c == other) for other in others] for c in own]).reshape(len(own), len(others))
-
-
-def effect_of(
+def _effect_of(
     pair: tuple[Condition, Condition],
     ln_ratio: float,
     model_error: float,
@@ -141,15 +133,7 @@ def effect_of(
 
     The model's standard error assumes the same ratio for everyone. Where three participants or more saw
     both conditions, the scatter of their own ratios gives another, and the larger one is stated.
-
-    Parameters
-    ----------
-    pair : (Condition, Condition)
-        The condition and the reference.
-    ln_ratio, model_error : float
-        Coefficient of the mixed model and its standard error.
-    residuals, thresholds : array (n,), sequence of Threshold
-        ln(threshold) minus the curve of the reference, and what was fitted.
+    `pair`: the condition and the reference; `residuals`: ln(threshold) minus the reference's curve.
     """
     condition, reference = pair
     own: dict[str, dict[Condition, list[float]]] = {}
@@ -160,36 +144,30 @@ def effect_of(
         for seen in own.values()
         if condition in seen and reference in seen
     ]
-    error, df = model_error, max(len(differences) - 1, 1)
-    if len(differences) >= LEAST_PARTICIPANTS:
-        error = max(error, float(np.std(differences, ddof=1)) / len(differences) ** 0.5)
-    half = float(special.stdtrit(df, 0.975)) * error
+    return effect_with_interval(pair, ln_ratio, model_error, differences)
+
+
+def effect_with_interval(
+    pair: tuple[Condition, Condition], ln_ratio: float, model_error: float, differences: Sequence[float]
+) -> ConditionEffect:
+    """Return an effect with its interval, given the participants' own ln(ratio), up to a constant."""
+    error, n = model_error, len(differences)
+    if n >= LEAST_PARTICIPANTS:
+        error = max(error, float(np.std(differences, ddof=1)) / n**0.5)
+    half = float(special.stdtrit(max(n - 1, 1), 0.975)) * error
     low, middle, high = np.exp(np.clip([ln_ratio - half, ln_ratio, ln_ratio + half], -50, 50)).tolist()
-    return ConditionEffect(condition, reference, middle, low, high)
+    return ConditionEffect(*pair, middle, low, high)
 
 
 @dataclass(frozen=True, slots=True)
 class ThresholdModel:
-    """The mixed model of thresholds of one or several conditions.
-
-    Attributes
-    ----------
-    basis, data : CurveBasis, GroupedEstimates
-        Of the curve, and what it was fitted to.
-    model : MixedModelFit
-        The curve's coefficients first, then the effects of the conditions.
-    luminance : array (n,)
-        At which each threshold was entered [cd/m^2].
-    reference, effects : Condition or None, tuple of ConditionEffect
-        Whose curve it is, None without thresholds; and the effects of the other conditions.
-    """
+    """The mixed model of thresholds of one or several conditions."""
 
     basis: CurveBasis
-    model: MixedModelFit
+    model: MixedModelFit  # the curve's coefficients first, then the effects of the conditions
     data: GroupedEstimates
-    luminance: NDArray[np.float64]
-    reference: Condition | None
-    effects: tuple[ConditionEffect, ...] = ()
+    reference: Condition  # whose curve it is
+    effects: tuple[ConditionEffect, ...] = ()  # of the other conditions
 
 
 def model_of_thresholds(used: Sequence[Threshold], options: RateLimitOptions) -> ThresholdModel:
@@ -201,7 +179,7 @@ def model_of_thresholds(used: Sequence[Threshold], options: RateLimitOptions) ->
     conditions = conditions_of(used)
     if len(conditions) < 2:
         allowed_references(conditions, options)
-        return _model(used, options, conditions[0] if conditions else None)
+        return _model(used, options, conditions[0])
     logarithmic = options
     if options.form is RateLimitForm.RATE:
         logarithmic = dataclasses.replace(options, form=RateLimitForm.LN_RATE)
@@ -217,61 +195,32 @@ def model_of_thresholds(used: Sequence[Threshold], options: RateLimitOptions) ->
     return dataclasses.replace(_model(own, options, found.reference), effects=found.effects)
 
 
-def _model(
-    used: Sequence[Threshold], options: RateLimitOptions, reference: Condition | None
-) -> ThresholdModel:
-    """Return the mixed model with a given reference."""
-    L = abscissae(used, options)
-    basis = basis_for(L, options, len(set(joined_luminances(used))))
+def _model(used: Sequence[Threshold], options: RateLimitOptions, reference: Condition) -> ThresholdModel:
+    luminance = np.array([t.luminance for t in used])
+    basis = basis_for(luminance, options, len(set(joined_luminances(used))))
+    own = [condition_of(t) for t in used]
     others = [condition for condition in conditions_of(used) if condition != reference]
-    data = _grouped(used, L, basis, indicators(used, others))
-    _require_distinct(data.design, others)
-    model = fit_mixed_model(data)
-    size = basis.degree + 1
-    residuals = data.values - data.design[:, :size] @ model.coefficients[:size]
-    errors = np.sqrt(np.diag(model.covariance))
-    effects = tuple(
-        effect_of((other, reference), float(ln_ratio), float(error), residuals, used)
-        for other, ln_ratio, error in zip(others, model.coefficients[size:], errors[size:], strict=True)
-        if reference is not None
-    )
-    return ThresholdModel(basis, model, data, L, reference, effects)
-
-
-def abscissae(thresholds: Sequence[Threshold], options: RateLimitOptions) -> NDArray[np.float64]:
-    """Return the luminance at which each threshold is entered [cd/m^2].
-
-    Mean and final luminance depend on the threshold itself. To keep its error off the abscissa, they are
-    taken for each level at the geometric mean of the participants' thresholds there.
-    """
-    initial = np.array([t.luminance for t in thresholds])
-    share = {LuminanceAbscissa.INITIAL: 0.0, LuminanceAbscissa.MEAN: 0.5, LuminanceAbscissa.FINAL: 1.0}
-    if not initial.size or options.abscissa is LuminanceAbscissa.INITIAL:
-        return initial
-    change = np.array([(1 if t.direction is Direction.UP else -1) * t.ramp_duration for t in thresholds])
-    _, level = np.unique(np.column_stack([initial, change]), axis=0, return_inverse=True)
-    ln_rates = np.log([t.threshold for t in thresholds])
-    typical = np.exp(np.bincount(level, ln_rates) / np.bincount(level))[level]
-    return np.asarray(initial + share[options.abscissa] * change * typical)
-
-
-def _grouped(
-    thresholds: Sequence[Threshold],
-    luminance: NDArray[np.float64],
-    basis: CurveBasis,
-    conditions: NDArray[np.float64],
-) -> GroupedEstimates:
-    """Return the thresholds as the mixed model takes them."""
-    rates = np.array([t.threshold for t in thresholds])
-    errors = np.array([t.standard_error_ln for t in thresholds])
+    is_other = np.array([[float(c == other) for other in others] for c in own]).reshape(len(own), len(others))
+    design = np.column_stack([basis.design(luminance), is_other])
+    _require_distinct(design, others)
+    rates = np.array([t.threshold for t in used])
+    errors = np.array([t.standard_error_ln for t in used])
     if basis.form is RateLimitForm.RATE:
         errors = errors * rates  # first order: d(rate) = rate d(ln rate)
-    _, groups = np.unique([t.participant_id for t in thresholds], return_inverse=True)
-    design = np.column_stack([basis.design(luminance), conditions])
-    return GroupedEstimates(basis.ordinate(rates), errors, design, groups.astype(np.int64))
+    _, groups = np.unique([t.participant_id for t in used], return_inverse=True)
+    data = GroupedEstimates(basis.ordinate(rates), errors, design, groups.astype(np.int64))
+    model = fit_mixed_model(data)
+    size = basis.degree + 1
+    residuals = data.values - design[:, :size] @ model.coefficients[:size]
+    deviations = np.sqrt(np.diag(model.covariance))
+    effects = tuple(
+        _effect_of((other, reference), float(ln_ratio), float(error), residuals, used)
+        for other, ln_ratio, error in zip(others, model.coefficients[size:], deviations[size:], strict=True)
+    )
+    return ThresholdModel(basis, model, data, reference, effects)
 
 
-def _require_distinct(design: NDArray[np.float64], others: Sequence[Condition]) -> None:
+def _require_distinct(design: Array, others: Sequence[Condition]) -> None:
     """Refuse conditions whose effect cannot be separated from the curve's shape."""
     if others and np.linalg.matrix_rank(design) < design.shape[1]:
         raise InputError(

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import enum
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy import special
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
+WIDEST_BAND = 100.0  # upper over lower end; beyond it an interval says nothing
 BAND_SAMPLES = 97  # linear interpolation between them errs by less than 1e-3 of the rate
 MONOTONE_SAMPLES = 1001
 SLIGHT_FALL = 0.01  # share of the rate
@@ -24,51 +25,22 @@ SPARE_LUMINANCES = 2  # that a higher degree has to leave, to show whether its s
 WORST_CONDITION = 1e6  # of the design; the covariance squares it, and four of sixteen digits are left
 
 
-class LuminanceAbscissa(enum.Enum):
-    """At which luminance of a ramp its threshold is entered (the paper measured both ends)."""
-
-    INITIAL = "initial"  # the default: the luminance that a brightness change sets out from
-    MEAN = "mean"
-    FINAL = "final"
-
-
 @dataclass(frozen=True, slots=True)
 class RateLimitOptions:
-    """How a rate limit is fitted.
+    """How a rate limit is fitted."""
 
-    Attributes
-    ----------
-    form : RateLimitForm or None
-        What the polynomial describes; None for the choice of the model.
-    degree : int or None
-        Of the polynomial; None for the choice of the model: the joint one's by predictive score, else the
-        paper's 4 of ln(rate), or with fewer than five luminances a line in log-log.
-    band_level : float
-        Confidence of the band.
-    abscissa : LuminanceAbscissa
-        At which luminance of the ramps their threshold is entered.
-    ramp_duration : float or None
-        Duration of the ramps [s] whose limit is wanted, where there are several.
-    direction : Direction or None
-        Direction of the ramps whose limit is wanted, where there are several. Where neither is given, the
-        condition with the lowest thresholds is taken.
-    procedure : Procedure or None
-        Task whose answers are fitted, where there are several.
-    model : RateLimitModel
-        How answers become the curve.
-    monotone : bool
-        Whether the curve may not fall with luminance; of the joint model alone.
-    """
-
-    form: RateLimitForm | None = None
+    form: RateLimitForm | None = None  # what the polynomial describes; None for the choice of the model
+    # None for the choice of the model: the joint one's by predictive score, else the paper's 4 of ln(rate),
+    # or with fewer than five luminances a line in log-log.
     degree: int | None = None
     band_level: float = 0.95
-    abscissa: LuminanceAbscissa = LuminanceAbscissa.INITIAL
+    # Of the ramps whose limit is wanted, where there are several [s]. Where neither duration nor direction is
+    # given, the condition with the lowest thresholds is taken.
     ramp_duration: float | None = None
     direction: Direction | None = None
-    procedure: Procedure | None = None
+    procedure: Procedure | None = None  # task whose answers are fitted, where there are several
     model: RateLimitModel = RateLimitModel.JOINT
-    monotone: bool = False
+    monotone: bool = False  # whether the curve may not fall with luminance; of the joint model alone
 
     def __post_init__(self) -> None:
         if self.degree is not None and not 0 <= self.degree <= 8:
@@ -94,26 +66,33 @@ def default_model(form: RateLimitForm | None) -> RateLimitModel:
     return RateLimitModel.INDIVIDUAL if form is RateLimitForm.RATE else RateLimitModel.JOINT
 
 
+def shape_name(form: RateLimitForm, degree: int) -> str:
+    """Return what a curve of a form and degree is called.
+
+    >>> shape_name(RateLimitForm.LOG_LOG, 1), shape_name(RateLimitForm.LN_RATE, 4)
+    ('power law', 'polynomial of degree 4 of ln(rate)')
+    """
+    if degree == 0:
+        return "constant"
+    if (form, degree) == (RateLimitForm.LOG_LOG, 1):
+        return "power law"
+    of = {RateLimitForm.LN_RATE: "of ln(rate)", RateLimitForm.RATE: "of the rate"}
+    return f"polynomial of degree {degree} {of.get(form, 'in log-log')}"
+
+
 @dataclass(frozen=True, slots=True)
 class CurveBasis:
     """Legendre polynomials over the measured luminances, and the scale on which the curve is a sum of them.
 
     Monomials of L in cd/m^2 have a condition number of 1e9 to 1e10 for the paper's luminances, Legendre
     polynomials one below 5.
-
-    Attributes
-    ----------
-    form, degree : RateLimitForm, int
-        What the polynomial describes, and its degree.
-    luminance_range : (float, float)
-        Lowest and highest luminance [cd/m^2], mapped to -1 and 1; the same for a constant.
     """
 
     form: RateLimitForm
     degree: int
-    luminance_range: tuple[float, float]
+    luminance_range: tuple[float, float]  # [cd/m^2], mapped to -1 and 1; both the same for a constant
 
-    def design(self, luminance: ArrayLike) -> NDArray[np.float64]:
+    def design(self, luminance: ArrayLike) -> Array:
         """Return the Legendre polynomials at luminances [cd/m^2], shape (n, degree + 1).
 
         >>> CurveBasis(RateLimitForm.RATE, 2, (10.0, 90.0)).design([10, 50, 90]).tolist()
@@ -126,12 +105,12 @@ class CurveBasis:
         position = (2 * values - low - high) / ((high - low) or 1.0)
         return np.asarray(legendre.legvander(position, self.degree), dtype=np.float64)
 
-    def ordinate(self, rate: ArrayLike) -> NDArray[np.float64]:
+    def ordinate(self, rate: ArrayLike) -> Array:
         """Return rates [cd/m^2/s] on the polynomial's scale: their logarithm, or as they are for `RATE`."""
         values = np.asarray(rate, dtype=np.float64)
         return values if self.form is RateLimitForm.RATE else np.log(values)
 
-    def rate(self, ordinate: ArrayLike) -> NDArray[np.float64]:
+    def rate(self, ordinate: ArrayLike) -> Array:
         """Return the rates [cd/m^2/s] for values on the polynomial's scale; never below 0."""
         values = np.asarray(ordinate, dtype=np.float64)
         if self.form is RateLimitForm.RATE:
@@ -139,36 +118,10 @@ class CurveBasis:
         return np.asarray(np.exp(np.clip(values, -LARGEST_LN, LARGEST_LN)), dtype=np.float64)
 
 
-@dataclass(frozen=True, slots=True)
-class CurveEstimate:
-    """Coefficients of the polynomial, and how well the data know them.
-
-    Attributes
-    ----------
-    coefficients : array (degree + 1,)
-        Legendre coefficients β.
-    covariance : array (degree + 1, degree + 1) or None
-        Of β; None where the data leave it unknown.
-    band_df : float
-        Degrees of freedom of Student's t for the band; infinite for a known covariance.
-    """
-
-    coefficients: NDArray[np.float64]
-    covariance: NDArray[np.float64] | None
-    band_df: float
-
-
 def basis_for(luminance: ArrayLike, options: RateLimitOptions, levels: int | None = None) -> CurveBasis:
     """Return the basis for thresholds at these luminances [cd/m^2].
 
-    Parameters
-    ----------
-    luminance : array (n,)
-        Where the thresholds are.
-    options : RateLimitOptions
-        Form and degree, or the choice between them.
-    levels : int, optional
-        How many levels these are, where a display was measured again; else each luminance is one.
+    `levels`: how many levels these are, where a display was measured again; else each luminance is one.
 
     Raises
     ------
@@ -206,33 +159,43 @@ def luminances_needed(degree: int) -> int:
     return degree + 1 + (SPARE_LUMINANCES if degree > PAPER_DEGREE else 0)
 
 
+def band_luminances(low: float, high: float) -> Array:
+    """Return where a band is sampled [cd/m^2]: denser where the curve is steeper; once for one luminance."""
+    sampled = np.unique(np.linspace(low**0.5, high**0.5, BAND_SAMPLES) ** 2)
+    sampled[[0, -1]] = low, high
+    return sampled
+
+
+def bounds(low: float | None, high: float | None, form: str = ".3g") -> str | None:
+    """Return an interval in words; one that says nothing is not bounded.
+
+    >>> bounds(0.2, 0.4), bounds(0.18, 2.6e11), bounds(None, None)
+    ('0.2 to 0.4', 'not bounded', None)
+    """
+    if low is None or high is None:
+        return None
+    return f"{low:{form}} to {high:{form}}" if high <= WIDEST_BAND * low else "not bounded"
+
+
 def curve_band(
-    basis: CurveBasis, estimate: CurveEstimate, level: float
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    basis: CurveBasis, coefficients: Array, covariance: Array | None, df: float, level: float
+) -> tuple[Array, Array, Array]:
     """Return luminances [cd/m^2] and the curve's pointwise band at them [cd/m^2/s], lower and upper.
 
     The half-width is t · sqrt(xᵀ Cov(β) x), t the quantile of Student's t. All three are empty where the
     covariance is unknown.
     """
-    if estimate.covariance is None:
+    if covariance is None:
         return np.empty(0), np.empty(0), np.empty(0)
-    low, high = basis.luminance_range
-    luminance = np.unique(np.linspace(low**0.5, high**0.5, BAND_SAMPLES) ** 2)  # denser where it is steeper
-    luminance[[0, -1]] = low, high
+    luminance = band_luminances(*basis.luminance_range)
     design = basis.design(luminance)
-    variance = np.einsum("ij,jk,ik->i", design, estimate.covariance, design)
-    tail = (1 + level) / 2
-    quantile = float(
-        special.stdtrit(estimate.band_df, tail) if np.isfinite(estimate.band_df) else special.ndtri(tail)
-    )
-    half = quantile * np.sqrt(variance)
-    middle = design @ estimate.coefficients
+    variance = np.einsum("ij,jk,ik->i", design, covariance, design)
+    half = special.stdtrit(df, (1 + level) / 2) * np.sqrt(variance)
+    middle = design @ coefficients
     return luminance, basis.rate(middle - half), basis.rate(middle + half)
 
 
-def falling_stretches(
-    basis: CurveBasis, coefficients: NDArray[np.float64]
-) -> tuple[tuple[float, float], ...]:
+def falling_stretches(basis: CurveBasis, coefficients: Array) -> tuple[tuple[float, float], ...]:
     """Return the stretches of luminance [cd/m^2] within the measured range where the curve falls.
 
     A fall is reported if it is more than 1 % of the rate over more than 2 % of the range: less is within any

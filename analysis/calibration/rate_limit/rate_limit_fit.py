@@ -2,32 +2,31 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.conditions import (
     Condition,
     ConditionEffect,
-    abscissae,
     condition_of,
     model_of_thresholds,
 )
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
     PAPER_DEGREE,
+    WIDEST_BAND,
     CurveBasis,
-    CurveEstimate,
     RateLimitOptions,
     basis_for,
     curve_band,
     falling_stretches,
     luminances_needed,
 )
-from evenlight.analysis.inference.mixed_model import GroupedEstimates
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
@@ -37,44 +36,25 @@ OUTSIDE = (ThresholdFlag.ALL_YES, ThresholdFlag.BELOW_RANGE, ThresholdFlag.ALL_N
 ONE_PARTICIPANT = (
     "One participant, of whom the curve is: it has no band, for nothing is known of other people."
 )
-WIDEST_BAND = 100.0  # upper over lower end; beyond it a curve says nothing
 
 
 @dataclass(frozen=True, slots=True)
 class RateLimitFit:
-    """A fitted rate limit, and what has to be known to trust it.
+    """A fitted rate limit, and what has to be known to trust it."""
 
-    Attributes
-    ----------
-    limit : RateLimit
-        The curve, its band and the points: the record that the other programs read.
-    residual_df : int
-        Points (for participants: luminance levels) minus coefficients; 0 if the curve can meet all of them.
-    residual_sd : float or None
-        Of the points about the curve [ln units, or cd/m^2/s for `RATE`]; for participants it is τ, what their
-        thresholds scatter beyond their standard errors and their own factor. None without an estimate.
-    participant_sd : float or None
-        σ_u, between participants, same unit; None without several participants.
-    falling : tuple of (float, float)
-        Luminances [cd/m^2] between which the curve falls noticeably; empty if none.
-    used, excluded : tuple of Threshold
-        The thresholds that went in, and those that did not, for their flag; empty for bare points.
-    notes : tuple of str
-        What a reader of the curve should know, as sentences.
-    reference, effects : Condition or None, tuple of ConditionEffect
-        The ramps that the limit is for, None for bare points; and how the thresholds of other ramps compare.
-    """
-
-    limit: RateLimit
+    limit: RateLimit  # the curve, its band and the points: the record that the other programs read
+    # Points (for participants: luminance levels) minus coefficients; 0 if the curve can meet all of them
     residual_df: int
+    # Of the points about the curve [ln units, or cd/m^2/s for `RATE`]; for participants it is τ, what their
+    # thresholds scatter beyond their standard errors and their own factor. None without an estimate.
     residual_sd: float | None
-    participant_sd: float | None
-    falling: tuple[tuple[float, float], ...]
-    used: tuple[Threshold, ...] = ()
-    excluded: tuple[Threshold, ...] = ()
-    notes: tuple[str, ...] = ()
-    reference: Condition | None = None
-    effects: tuple[ConditionEffect, ...] = ()
+    participant_sd: float | None  # σ_u between participants, same unit; None without several of them
+    falling: tuple[tuple[float, float], ...]  # luminances [cd/m^2] between which the curve falls noticeably
+    used: tuple[Threshold, ...] = ()  # thresholds that went in; none for bare points
+    excluded: tuple[Threshold, ...] = ()  # those left out for their flag
+    notes: tuple[str, ...] = ()  # what a reader of the curve should know, as sentences
+    reference: Condition | None = None  # the ramps that the limit is for; None for bare points
+    effects: tuple[ConditionEffect, ...] = ()  # how the thresholds of other ramps compare
 
     @property
     def own(self) -> tuple[Threshold, ...]:
@@ -99,16 +79,7 @@ def fit_points(
 
     The pointwise band comes from the scatter of the points about the curve (Student's t with the residual
     degrees of freedom). With as many coefficients as points there is no scatter to estimate it from, and no
-    band.
-
-    Parameters
-    ----------
-    luminance, rate : array_like (n,)
-        L [cd/m^2], and thresholds ΔL [cd/m^2/s].
-    display, options : Display, RateLimitOptions, optional
-        What they were measured on; form, degree and band.
-    name : str
-        What to call the limit.
+    band. Luminance in cd/m^2, rates in cd/m^2/s, each (n,).
 
     >>> from evenlight.data_schema.rate_limit import RateLimitForm
     >>> display = Display("d", 100.0, 0.0, 2.2, 30.0)
@@ -127,9 +98,9 @@ def fit_points(
     df = L.size - design.shape[1]
     variance = float(np.sum((target - design @ coefficients) ** 2)) / df if df else None
     covariance = None if variance is None else variance * np.linalg.inv(design.T @ design)
-    estimate = CurveEstimate(coefficients, covariance, float(df))
+    band = curve_band(basis, coefficients, covariance, df, options.band_level)
     return RateLimitFit(
-        limit=_record(_Named(name, display), basis, estimate, (L, points), options),
+        limit=limit_record((name, display), basis, coefficients, band, (L, points), options),
         residual_df=df,
         residual_sd=None if variance is None else variance**0.5,
         participant_sd=None,
@@ -152,13 +123,6 @@ def fit_thresholds(
     The band is pointwise: that of the population's curve (confidence band, Student's t with one degree of
     freedom less than there are participants). One participant tells nothing of others, and gives no band.
 
-    Parameters
-    ----------
-    thresholds : sequence of Threshold
-        One per participant and level.
-    display, options, name
-        As in `fit_points`.
-
     Raises
     ------
     InputError
@@ -168,97 +132,88 @@ def fit_thresholds(
     options = options or RateLimitOptions()
     used = tuple(t for t in thresholds if t.flag not in UNUSABLE)
     excluded = tuple(t for t in thresholds if t.flag in UNUSABLE)
-    _require_one_task(thresholds)
     require_within_rates(thresholds)
     _require_levels(used, excluded, options)
     found = model_of_thresholds(used, options)
-    own = tuple(t for t in used if found.reference in (None, condition_of(t)))
+    own = tuple(t for t in used if condition_of(t) == found.reference)
     basis, model, data = found.basis, found.model, found.data
     size = basis.degree + 1
     several = data.n_groups > 1
+    coefficients = model.coefficients[:size]
     covariance = model.covariance[:size, :size] if several else None
-    estimate = CurveEstimate(model.coefficients[:size], covariance, data.n_groups - 1.0)
-    points = abscissae(own, options), np.array([t.threshold for t in own])
-    limit = _record(_Named(name, display), basis, estimate, points, options)
+    band = curve_band(basis, coefficients, covariance, data.n_groups - 1, options.band_level)
+    points = np.array([t.luminance for t in own]), np.array([t.threshold for t in own])
+    limit = limit_record(
+        (name, display),
+        basis,
+        coefficients,
+        band,
+        points,
+        options,
+        procedure=used[0].procedure,
+        model=RateLimitModel.INDIVIDUAL,
+        **found.reference.of_limit,
+    )
     _require_known(limit, basis.degree)
-    df = int(np.unique(found.luminance).size) - size
+    df = len({t.luminance for t in used}) - size
     chosen = options.direction is not None or options.ramp_duration is not None
     return RateLimitFit(
-        limit=_of_the_task(limit, used, found.reference),
+        limit=limit,
         residual_df=df,
         residual_sd=model.residual_sd,
         participant_sd=model.group_sd if several else None,
-        falling=falling_stretches(basis, estimate.coefficients),
+        falling=falling_stretches(basis, coefficients),
         used=used,
         excluded=excluded,
-        notes=exclusion_notes(excluded, len(thresholds))
-        + participant_notes(data)
-        + (condition_notes(found.reference, found.effects, chosen) if found.reference else ())
-        + shape_notes(basis, estimate.coefficients, df),
+        notes=_exclusion_notes(excluded, len(thresholds))
+        + (() if several else (ONE_PARTICIPANT,))
+        + condition_notes(found.reference, found.effects, chosen)
+        + shape_notes(basis, coefficients, df),
         reference=found.reference,
         effects=found.effects,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class _Named:
-    """What a limit is called and which display it holds for."""
-
-    name: str
-    display: Display
-
-
-def _record(
-    named: _Named,
+def limit_record(
+    named: tuple[str, Display],
     basis: CurveBasis,
-    estimate: CurveEstimate,
-    points: tuple[NDArray[np.float64], NDArray[np.float64]],
+    coefficients: Array,
+    band: tuple[Array, Array, Array],
+    points: tuple[Array, Array],
     options: RateLimitOptions,
+    **more: Any,
 ) -> RateLimit:
-    """Return the record of a fitted curve."""
-    band = curve_band(basis, estimate, options.band_level)
+    """Return a fitted curve as a rate limit; `more`: other fields of it, which go before.
+
+    Raises
+    ------
+    InputError
+        If no display or eye has such rates.
+    """
+    (name, display), (at, lower, upper) = named, band
+    fields: dict[str, Any] = {
+        "condition_number": max(1.0, float(np.linalg.cond(basis.design(points[0])))),
+        **more,
+    }
     try:
         return RateLimit(
-            name=named.name,
-            display_name=named.display.name,
-            display_fingerprint=named.display.fingerprint,
-            display=named.display,
+            name=name,
+            display_name=display.name,
+            display_fingerprint=display.fingerprint,
+            display=display,
             form=basis.form,
-            coefficients=_floats(estimate.coefficients),
+            coefficients=tuple(coefficients.tolist()),
             luminance_range=basis.luminance_range,
-            band_luminance=_floats(band[0]),
-            band_lower=_floats(band[1]),
-            band_upper=_floats(band[2]),
+            band_luminance=tuple(at.tolist()),
+            band_lower=tuple(lower.tolist()),
+            band_upper=tuple(upper.tolist()),
             band_level=options.band_level,
-            point_luminance=_floats(points[0]),
-            point_rate=_floats(points[1]),
-            condition_number=max(1.0, float(np.linalg.cond(basis.design(points[0])))),
+            point_luminance=tuple(points[0].tolist()),
+            point_rate=tuple(points[1].tolist()),
+            **fields,
         )
-    except ValueError as error:  # the record's limits: no display or eye has such rates
-        raise InputError(f"the thresholds give no usable rate limit: {error}") from error
-
-
-def _of_the_task(limit: RateLimit, used: Sequence[Threshold], reference: Condition | None) -> RateLimit:
-    """Return a limit that says which task and which ramps it is for."""
-    if reference is None:
-        return limit
-    return dataclasses.replace(
-        limit,
-        procedure=used[0].procedure,
-        direction=reference.direction,
-        ramp_duration=reference.ramp_duration,
-        model=RateLimitModel.INDIVIDUAL,
-    )
-
-
-def _require_one_task(thresholds: Sequence[Threshold]) -> None:
-    """Refuse thresholds of both tasks: 75 % "yes" and 75 % right are not the same d′."""
-    tasks = sorted({t.procedure.value for t in thresholds})
-    if len(tasks) > 1:
-        raise InputError(
-            f"thresholds of {' and '.join(tasks)} do not compare (75 % of what?), and make no common rate "
-            f"limit; choose the procedure {tasks[0]} or {tasks[1]}"
-        )
+    except ValueError as error:
+        raise InputError(f"the answers give no usable rate limit: {error}") from error
 
 
 def require_within_rates(thresholds: Sequence[Threshold]) -> None:
@@ -272,7 +227,7 @@ def require_within_rates(thresholds: Sequence[Threshold]) -> None:
     )
     raise InputError(
         f"{below + above} of {len(thresholds)} thresholds lie outside the rates tested "
-        f"({listed(thresholds, OUTSIDE)}), which is no basis for a rate limit; test {advice} ramps"
+        f"({_listed(thresholds, OUTSIDE)}), which is no basis for a rate limit; test {advice} ramps"
     )
 
 
@@ -283,12 +238,12 @@ def _require_levels(
     luminances = len({t.luminance for t in used})
     _, degree = options.shape(max(luminances, 1))
     needed = luminances_needed(degree)
-    if not excluded or luminances >= needed:
+    if luminances >= needed or (used and not excluded):
         return
     raise InputError(
         f"a rate limit of degree {degree} needs thresholds at {needed} or more luminances, got {luminances}: "
         f"{len(excluded)} of {len(used) + len(excluded)} thresholds are left out "
-        f"({listed(excluded, UNUSABLE)}); mend what these flags name, or measure more levels"
+        f"({_listed(excluded, UNUSABLE)}); mend what these flags name, or measure more levels"
     )
 
 
@@ -306,12 +261,7 @@ def _require_known(limit: RateLimit, degree: int) -> None:
     )
 
 
-def _floats(values: NDArray[np.float64]) -> tuple[float, ...]:
-    """Return an array as a tuple of Python's numbers."""
-    return tuple(values.tolist())
-
-
-def shape_notes(basis: CurveBasis, coefficients: NDArray[np.float64], residual_df: int) -> tuple[str, ...]:
+def shape_notes(basis: CurveBasis, coefficients: Array, residual_df: int) -> tuple[str, ...]:
     """Return what is to be said about the curve's shape."""
     notes = []
     if residual_df <= 0:
@@ -321,7 +271,7 @@ def shape_notes(basis: CurveBasis, coefficients: NDArray[np.float64], residual_d
         )
     for low, high in falling_stretches(basis, coefficients):
         notes.append(
-            f"The limit falls with luminance from {low:.4g} to {high:.4g} cd/m^2, within the measured range."
+            f"Implausible: the limit falls from {low:.3g} to {high:.3g} cd/m^2; try --monotone (joint model)."
         )
     luminance = np.linspace(*basis.luminance_range, 201)
     if basis.form is RateLimitForm.RATE and (basis.design(luminance) @ coefficients <= 0).any():
@@ -329,19 +279,12 @@ def shape_notes(basis: CurveBasis, coefficients: NDArray[np.float64], residual_d
     return tuple(notes)
 
 
-def participant_notes(data: GroupedEstimates) -> tuple[str, ...]:
-    """Return what is to be said about a fit to one participant."""
-    if data.n_groups > 1:
-        return ()
-    return (ONE_PARTICIPANT,)
-
-
-def exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ...]:
+def _exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ...]:
     """Return how many thresholds were left out, and which way that draws the curve."""
     if not excluded:
         return ()
     counts = {flag: sum(t.flag is flag for t in excluded) for flag in UNUSABLE}
-    words = f"{len(excluded)} of {total} thresholds are left out ({listed(excluded, UNUSABLE)})."
+    words = f"{len(excluded)} of {total} thresholds are left out ({_listed(excluded, UNUSABLE)})."
     if counts[ThresholdFlag.ALL_YES]:
         words += (
             " All_yes lie below the slowest rate tested: without them the limit is too high, on the unsafe "
@@ -352,7 +295,7 @@ def exclusion_notes(excluded: Sequence[Threshold], total: int) -> tuple[str, ...
     return (words,)
 
 
-def listed(thresholds: Sequence[Threshold], flags: Sequence[ThresholdFlag]) -> str:
+def _listed(thresholds: Sequence[Threshold], flags: Sequence[ThresholdFlag]) -> str:
     """Return how many thresholds carry each of some flags, as "3 all_yes, 1 all_no"."""
     counts = ((sum(t.flag is flag for t in thresholds), flag.value) for flag in flags)
     return ", ".join(f"{count} {name}" for count, name in counts if count)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from evenlight import Frame, TaskDeclaration
-from evenlight.data_schema.quantities import as_in, check_limits, described, quantity
+from evenlight.data_schema.quantities import as_in, described, quantity, record
 from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Response, Trial, TrialFlag
 from evenlight.data_schema.recordings.viewing import ComparisonTrial
 from evenlight.experiments.chance import Purpose, generator_for
@@ -29,7 +29,7 @@ MEAN_FACTOR = 0.5  # of a white square: what flickers around it stays below full
 
 
 # What is shown, how often, how: the fields are the keys of a design's file.
-@dataclass(frozen=True, slots=True)
+@record
 class FlickerDesign:
     """Which flicker is shown, and how often."""
 
@@ -47,12 +47,9 @@ class FlickerDesign:
     practice_trials: int = as_in(RampDesign, "practice_trials")
     trials_between_breaks: int = as_in(RampDesign, "trials_between_breaks")
 
-    def __post_init__(self) -> None:
-        check_limits(self)
-
 
 # A line of trials.jsonl, and the columns of an export.
-@dataclass(frozen=True, slots=True)
+@record
 class FlickerTrial(Trial):
     """One flicker, and whether it was seen."""
 
@@ -74,9 +71,6 @@ class FlickerTrial(Trial):
     n_frames: int | None = as_in(ComparisonTrial, "n_frames")
     frames_dropped: int | None = as_in(ComparisonTrial, "frames_dropped")
     flag: TrialFlag = described("why it is left out; empty for none", default=TrialFlag.NONE)
-
-    def __post_init__(self) -> None:
-        check_limits(self)
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,24 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from evenlight.stimuli.scenes.engine.scene import Floats
+from evenlight.stimuli.shaders import shader
 
 MOST_DRAWN = 2**23  # [samples] at a time: bigger pictures are drawn in tiles
 LARGEST_SIDE = 8192  # [samples]
-AVERAGE_FRAGMENT = """
-#version 330
-uniform SAMPLER drawn;
-uniform ivec2 origin;  // where the samples of the picture's lower left pixel begin
-const ivec2 PLACES[COUNT] = ivec2[COUNT](OFFSETS);
-out vec4 colour;
-void main() {
-    ivec2 pixel = ivec2(gl_FragCoord.xy);
-    ivec2 first = origin + ivec2(ALONG * pixel.x + ASIDE * pixel.y, ALONG * pixel.y - ASIDE * pixel.x);
-    vec3 sum = vec3(0.0);
-    for (int k = 0; k < COUNT; k++)
-        for (int s = 0; s < SAMPLES; s++) sum += texelFetch(drawn, first + PLACES[k], s).rgb;
-    colour = vec4(sum / float(COUNT * SAMPLES), 1.0);
-}
-"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,6 +142,6 @@ def average_fragment(grid: Antialiasing) -> str:
     places = grid.places()
     sampler = "sampler2DMS" if grid.samples > 1 else "sampler2D"
     offsets = ", ".join(f"ivec2({u}, {v})" for u, v in places)
-    source = AVERAGE_FRAGMENT.replace("OFFSETS", offsets).replace("COUNT", str(len(places)))
+    source = shader("average").replace("OFFSETS", offsets).replace("COUNT", str(len(places)))
     source = source.replace("SAMPLES", str(grid.samples)).replace("SAMPLER", sampler)
     return source.replace("ALONG", str(grid.along)).replace("ASIDE", str(grid.aside))

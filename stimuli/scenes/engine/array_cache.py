@@ -20,7 +20,7 @@ import numpy as np
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
-from evenlight.stimuli import fractal_noise, sequence_format
+from evenlight.stimuli import fractal_noise, sequence_format, shaders
 
 OLD = 14 * 86400.0  # [s]
 LONGEST_WAIT = 300.0  # [s] for another process that makes the same
@@ -87,7 +87,8 @@ def scenes_sha256() -> str:
     What other packages do, and the graphics driver, is not in it: provenance has their versions.
     """
     digest = hashlib.sha256()
-    for file in [*sorted(SCENES.rglob("*.py")), Path(fractal_noise.__file__), Path(sequence_format.__file__)]:
+    files = [*sorted(SCENES.rglob("*.py")), *sorted(shaders.FOLDER.glob("*.glsl"))]
+    for file in [*files, Path(fractal_noise.__file__), Path(sequence_format.__file__)]:
         name = file.relative_to(SCENES.parent).as_posix()
         digest.update(name.encode() + b"\0" + file.read_bytes())
     return digest.hexdigest()

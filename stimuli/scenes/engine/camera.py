@@ -6,7 +6,6 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from evenlight.data_schema.display import Display
 from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
@@ -71,24 +70,6 @@ class Camera:
         right = direction_of(self.azimuth + 90, 0.0)
         return np.stack([right, np.cross(right, forward), forward])
 
-    def project(self, points: ArrayLike, size: tuple[int, int]) -> Floats:
-        """Return where points appear, (n, 2): pixels from the upper left corner, x right, y down.
-
-        Parameters
-        ----------
-        points : array_like, (n, 3)
-            In the scene [m]; what lies behind the eye becomes nan.
-        size : (int, int)
-            Width and height of the picture [pixels]. The middle of the first pixel is at (0.5, 0.5).
-
-        >>> Camera((0.0, 0.0, 0.0), 0.0).project([[1.0, 2.0, 0.0]], (1280, 720)).round(6).tolist()
-        [[960.0, 360.0]]
-        """
-        right, up, ahead = ((np.asarray(points, dtype=float) - self.position) @ self.axes().T).T
-        with np.errstate(divide="ignore", invalid="ignore"):
-            scale = np.where(ahead > 0, self.focal_pixels(size[0]) / ahead, np.nan)
-        return np.stack([size[0] / 2 + scale * right, size[1] / 2 - scale * up], axis=1)
-
     def matrix(self, size: tuple[int, int]) -> Floats:
         """Return the matrix from the scene to OpenGL's clip space, for columns, (4, 4)."""
         focal = self.focal_pixels(size[0])
@@ -149,7 +130,6 @@ View = Camera | EyeView
 
 
 def _lens(far: float) -> Floats:
-    """Return the matrix from an eye's axes to clip space as far as depth goes, from `NEAR` on, (4, 4)."""
     lens = np.zeros((4, 4))
     lens[2, 2], lens[2, 3] = (far + NEAR) / (far - NEAR), -2 * far * NEAR / (far - NEAR)
     lens[3, 2] = 1.0
@@ -157,7 +137,6 @@ def _lens(far: float) -> Floats:
 
 
 def _from_scene(axes: Floats, position: Vector) -> Floats:
-    """Return the matrix from the scene to an eye's axes, (4, 4)."""
     view = np.eye(4)
     view[:3, :3] = axes
     view[:3, 3] = -axes @ position
@@ -239,7 +218,6 @@ class LookingAround:
         )
 
     def _go(self, right: float, up: float) -> tuple[float, float]:
-        """Change where the view will be, as far as the limits allow, and return by how much [deg]."""
         azimuth = min(max(self._azimuth + right, -self._widest), self._widest)
         altitude = min(max(self._altitude + up, self._lowest), self._highest)
         change = azimuth - self._azimuth, altitude - self._altitude

@@ -121,7 +121,6 @@ class CameraPath:
         return Camera((x, y, z), azimuth % 360, altitude, field_of_view)
 
     def _inner(self, time: float) -> float:
-        """Return the curve's parameter at a time."""
         return float(self._pace(min(max(time, 0.0), self.duration)))
 
     @cached_property
@@ -187,7 +186,6 @@ def _slope(knots: Floats, points: Floats, k: int) -> Floats:
 
 
 def _check(point: Keypoint, duration: float) -> None:
-    """Refuse a keypoint outside the path's duration, or without a place or direction."""
     if not 0 <= point.time <= duration:
         raise ValueError(
             f"keypoint {point.name!r} is outside the path: need a time from 0 to {duration:g} s, "
@@ -292,7 +290,6 @@ def _under(position: Vector, scene: Scene, margin: float = TOUCHING) -> Ground |
 
 
 def _floor_at(x: float, y: float, floor: float, scene: Scene) -> float | None:
-    """Return the height of the floor at a point that can be reached from a floor of some height, or None."""
     heights = [ground.height(x, y) for ground in scene.walkable if ground.contains(x, y, TOUCHING)]
     near = [height for height in heights if abs(height - floor) <= STEP_UP]
     return min(near, key=lambda height: abs(height - floor)) if near else None

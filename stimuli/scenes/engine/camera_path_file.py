@@ -49,7 +49,6 @@ def path_from_text(name: str, text: str, scene: str = "") -> CameraPath:
 
 
 def _keypoint(entry: Any, number: int) -> Keypoint:
-    """Return a keypoint as a file says it."""
     named = isinstance(entry, dict) and "name" in entry
     where = f"keypoint {str(entry['name'])!r:.40}: " if named else f"keypoint {number}: "
     _check_keys(entry, where, KEYPOINT)
@@ -94,7 +93,6 @@ def table_of_light(sky: Sky, sun: Sun | None) -> dict[str, Any]:
 
 
 def _check_keys(entry: Any, where: str, needed: Sequence[str], optional: Sequence[str] = ()) -> None:
-    """Refuse what is no table, lacks a key, or has one that means nothing."""
     if not isinstance(entry, dict):
         raise ValueError(f"{where}need a table with {', '.join(needed)}, got {entry!r:.40}")
     known = dict.fromkeys([*needed, *optional])
@@ -108,7 +106,6 @@ def _check_keys(entry: Any, where: str, needed: Sequence[str], optional: Sequenc
 
 
 def _numbers(entry: dict[str, Any], where: str, key: str, count: int = 1) -> list[float]:
-    """Return the finite number of a key, or its list of so many."""
     values = entry[key] if count > 1 else [entry[key]]
     right = isinstance(values, list) and len(values) == count
     if not right or not all(type(value) in (int, float) and abs(value) < 1e300 for value in values):
@@ -118,7 +115,6 @@ def _numbers(entry: dict[str, Any], where: str, key: str, count: int = 1) -> lis
 
 
 def _colour(entry: dict[str, Any], where: str, key: str) -> Vector:
-    """Return linear RGB light that a table holds."""
     red, green, blue = _numbers(entry, where, key, 3)
     if min(red, green, blue) < 0:
         raise ValueError(f"{where}need red, green and blue of 0 or above as {key!r}, got {entry[key]}")

@@ -19,26 +19,14 @@ SCENES_PACKAGE = "evenlight.stimuli.scenes."
 
 @dataclass(frozen=True, eq=False)
 class MaterialTextures:
-    """Textures of 8 bits whose full scale is the highest albedo of each material.
+    """Textures of 8 bits whose full scale is the highest albedo of each material."""
 
-    Attributes
-    ----------
-    codes : array of uint8, (m, size, size, 4)
-        Share of the scale, and coverage; row 0 at the bottom.
-    scale : array, (m, 3)
-        Albedo of code 255.
-    albedo : array, (m, 3)
-        Mean albedo of what is there.
-    coverage : array, (m,)
-        Mean coverage, 1 without holes.
-    cutoffs : array, (m, levels)
-        Coverage below which a texel of each smaller copy counts as a hole, so that as much is left of it.
-    """
-
-    codes: NDArray[np.uint8]
-    scale: Floats
-    albedo: Floats
-    coverage: Floats
+    codes: NDArray[np.uint8]  # (m, size, size, 4): share of the scale, and coverage; row 0 at the bottom
+    scale: Floats  # (m, 3): albedo of code 255
+    albedo: Floats  # (m, 3): mean albedo of what is there
+    coverage: Floats  # (m,): mean coverage, 1 without holes
+    # (m, levels): coverage below which a texel of each smaller copy counts as a hole, so that as much is
+    # left of it
     cutoffs: Floats
 
 
@@ -77,12 +65,10 @@ def _cutoffs(coverage: NDArray[np.uint8]) -> Floats:
 
 
 def _bytes(size: int) -> int:
-    """Return the bytes that a texture takes: its codes and 7 numbers."""
     return 4 * size * size + 7 * 8
 
 
 def _packed(codes: NDArray[np.uint8], *figures: Floats) -> NDArray[np.uint8]:
-    """Return a texture's codes and numbers in one row."""
     numbers = np.concatenate([np.ravel(figure) for figure in figures])
     return np.concatenate([codes.ravel(), numbers.view(np.uint8)])
 
@@ -100,7 +86,6 @@ def _name(scene: Scene, size: int) -> str:
 def _texture(
     scene: Scene, material: Material, size: int
 ) -> tuple[NDArray[np.uint8], Floats, Floats, NDArray[np.float64]]:
-    """Return codes, scale, mean albedo and coverage of one material."""
     picture = np.asarray(material.texture(stream(scene.seed, material.name), size), dtype=np.float32)
     depth = 4 if material.cutout else 3
     if picture.shape != (size, size, depth):

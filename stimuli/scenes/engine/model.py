@@ -320,7 +320,6 @@ class SceneModel:
         shine: Sequence[float] | Floats = DARK,
         normals: ArrayLike | None = None,
     ) -> None:
-        """Add a quadrilateral: one parallelogram, or else two triangles."""
         four = np.asarray(corners, dtype=float)
         if four.shape != (4, 3):
             raise ValueError(f"quad of {material.name}: need 4 corners of 3 numbers, got shape {four.shape}")
@@ -340,7 +339,6 @@ class SceneModel:
         self._take(Pieces(four[chosen], given[chosen], mapped[chosen], not regular), material, tint, shine)
 
     def _rectangles(self, fours: Floats, material: Material, tint: Sequence[float]) -> None:
-        """Add rectangles, (n, 4, 3), whose texture coordinates follow from their positions."""
         facing = at_right_angles(fours[:, 2] - fours[:, 0], fours[:, 3] - fours[:, 1])
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
         mapped, three = self._mapped(fours, facing, material), [0, 1, 3]
@@ -348,13 +346,11 @@ class SceneModel:
         self._take(Pieces(fours[:, three], normals, mapped[:, three], triangle=False), material, tint)
 
     def _disc(self, middle: Floats, edge: Floats, material: Material, tint: Sequence[float]) -> None:
-        """Add a disc, given by its middle and the points of its edge."""
         k = np.arange(1, len(edge))
         points = np.concatenate([middle[None], edge])
         self.mesh(points, np.stack([np.zeros_like(k), k, k + 1], 1), material, tint=tint)
 
     def _mapped(self, corners: Floats, facing: Floats, material: Material) -> Floats:
-        """Return texture coordinates that follow from positions, (n, k, 2)."""
         # What is moved shows another part of the pattern, so that two boards are not twins.
         offset = (self._moved * [0.731, 0.417, 0.0]).sum() if self._moved.any() else 0.0
         return np.asarray(projected(corners, facing) / material.tile + offset)
@@ -366,18 +362,15 @@ class SceneModel:
         tint: Sequence[float],
         shine: Sequence[float] | Floats = DARK,
     ) -> None:
-        """Add the pieces of an object where the surrounding `at` puts it."""
         normals = pieces.normals @ self._turned.T
         placed = Pieces(self._placed(pieces.corners), normals, pieces.uvs, pieces.triangle)
         self._columns.take(placed, material, tint, shine)
 
     def _placed(self, points: Floats) -> Floats:
-        """Return points where the surrounding `at` puts them."""
         return np.asarray(points @ self._turned.T + self._moved)
 
 
 def _white(rng: np.random.Generator, size: int) -> NDArray[np.float32]:
-    """Return a texture that is all white."""
     return np.ones((size, size, 3), dtype=np.float32)
 
 

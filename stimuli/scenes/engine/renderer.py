@@ -17,14 +17,7 @@ from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK
 from evenlight.stimuli.scenes.engine.light.bake import charts_of, light_picture
 from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
 from evenlight.stimuli.scenes.engine.material_textures import SIZE, MaterialTextures, material_textures
-from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene
-from evenlight.stimuli.scenes.engine.sun_shadow import (
-    SHADOW_SIZE,
-    empty_shadow_map,
-    lookup_matrix,
-    sun_matrix,
-    texel_size,
-)
+from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene, direction_of
 from evenlight.stimuli.scenes.engine.surface_detail import detail_tiles
 from evenlight.stimuli.scenes.engine.vertices import (
     ATTRIBUTES,
@@ -39,6 +32,7 @@ from evenlight.stimuli.scenes.engine.vertices import (
     vertices_of,
 )
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA, codes_on_grid
+from evenlight.stimuli.shaders import over_all, shader
 
 if TYPE_CHECKING:
     import moderngl
@@ -46,6 +40,7 @@ if TYPE_CHECKING:
 DEPTH_TEST = 2  # of moderngl, which is imported by those who make a context
 BRIGHTEST = 150.0  # [cd/m^2] brighter light is drawn like this: a display shows 99 % of its peak for it, and
 # the edges of lamps could not be smoothed
+SHADOW_SIZE = 4096  # [texels] of the sun's picture
 ALBEDO, LIGHT, SHADOW, MATERIALS, DETAIL, CUTOFFS = 0, 1, 2, 3, 4, 5  # texture units
 
 
@@ -92,9 +87,7 @@ class SceneRenderer:
         for texture in (self.texture, self.codes):
             texture.filter = graphics.NEAREST, graphics.NEAREST
         self._average = self._pass(average_fragment(antialiasing), drawn=0)
-        self._encoder = self._pass(
-            graphics.ENCODE_FRAGMENT, light=0, peak=PEAK, knee=KNEE, gamma=ENCODING_GAMMA
-        )
+        self._encoder = self._pass(shader("encoded"), light=0, peak=PEAK, knee=KNEE, gamma=ENCODING_GAMMA)
 
     def render(self, camera: View) -> None:
         """Draw the scene's linear RGB luminance [cd/m^2] into `texture`."""
@@ -131,9 +124,7 @@ class SceneRenderer:
         return codes_on_grid(data[::-1, :, :3])
 
     def _pass(self, fragment: str, **uniforms: float) -> moderngl.VertexArray:
-        """Return a triangle over the whole picture with a program."""
-        program = self._context.program(vertex_shader=graphics.WHOLE_VERTEX, fragment_shader=fragment)
-        whole = self._context.vertex_array(program, [])
+        whole = over_all(self._context, fragment)
         set_uniforms(whole, **uniforms)
         return whole
 
@@ -166,12 +157,10 @@ class GraphicsScene:
         self._walls = context.buffer(occluders(scene, self._faces).tobytes())
         textures = material_textures(scene, SIZE if quality is Quality.FINE else SIZE // 2)
         self._upload(textures, light_picture(scene, charts, textures, quality))
-        self._solid = self._surface(graphics.SURFACE_VERTEX, graphics.SURFACE_FRAGMENT)
-        holed = graphics.with_holes(graphics.SURFACE_FRAGMENT, samples)
-        self._holed = self._surface(graphics.SURFACE_VERTEX, holed)
-        self._sky_program = context.program(
-            vertex_shader=graphics.SKY_VERTEX, fragment_shader=graphics.SKY_FRAGMENT
-        )
+        self._solid = self._surface(shader("surface_vertex"), shader("surface"))
+        holed = graphics.with_holes(shader("surface"), samples)
+        self._holed = self._surface(shader("surface_vertex"), holed)
+        self._sky_program = context.program(vertex_shader=shader("sky_vertex"), fragment_shader=shader("sky"))
         self._sky_whole = context.vertex_array(self._sky_program, [])
         self._cast_shadows()
         self._hiding = self._depth_only(self._walls)
@@ -221,7 +210,6 @@ class GraphicsScene:
             context.disable_direct(edge)
 
     def _use_textures(self) -> None:
-        """Bind the textures of surfaces."""
         self._albedo.use(ALBEDO)
         self._light.use(LIGHT)
         self._shadow.use(SHADOW)
@@ -249,19 +237,16 @@ class GraphicsScene:
         return not_hidden(self._blocks, chosen, matrix, depth.reshape(height, width))
 
     def _write(self, solid: NDArray[np.int64], cutout: NDArray[np.int64]) -> None:
-        """Put the indices of patches into the graphics processor's memory, those with holes last."""
         first, last = self._faces.indices(solid), self._faces.indices(cutout)
         self._counts = len(first), len(last)
         self._indices.orphan()
         self._indices.write(np.concatenate([first, last]).tobytes())
 
     def _draw_chosen(self, surface: moderngl.VertexArray, holed: bool) -> None:
-        """Draw what was chosen, with holes or without."""
         if self._counts[holed]:
             surface.render(vertices=self._counts[holed], first=self._counts[0] if holed else 0)
 
     def _draw_sky(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
-        """Draw the sky wherever nothing is in front of it."""
         right, up, ahead = camera.axes()
         left_edge, right_edge, down_edge, up_edge = camera.tangents(size)
         set_uniforms(
@@ -276,7 +261,6 @@ class GraphicsScene:
         self._sky_whole.render(vertices=3)
 
     def _upload(self, textures: MaterialTextures, light: np.ndarray) -> None:
-        """Put textures, light and sky into the graphics processor's memory."""
         context, scene = self._context, self._scene
         layers, size = textures.codes.shape[:2]
         self._albedo = context.texture_array((size, size, layers), 4, textures.codes.tobytes())
@@ -308,7 +292,6 @@ class GraphicsScene:
         self._sky.repeat_x, self._sky.repeat_y = True, False
 
     def _surface(self, vertex: str, fragment: str) -> moderngl.VertexArray:
-        """Return the scene's vertices with a program for surfaces."""
         program = self._context.program(vertex_shader=vertex, fragment_shader=fragment)
         surface = self._context.vertex_array(program, [(self._vertices, LAYOUT, *ATTRIBUTES)], self._indices)
         set_uniforms(
@@ -318,16 +301,16 @@ class GraphicsScene:
         return surface
 
     def _cast_shadows(self) -> None:
-        """Draw the sun's view of the scene, and tell the programs about the sun."""
         import moderngl
 
         sun = self._scene.sun
-        self._shadow = empty_shadow_map(self._context)
         if sun is None:
+            self._shadow = self._context.depth_texture((1, 1), np.ones(1, dtype="f4").tobytes())
+            self._shadow.compare_func = "<="
             for surface in (self._solid, self._holed):
                 set_uniforms(surface, sun=(0.0, 0.0, 0.0), sun_direction=(0.0, 0.0, 1.0), to_shadow=np.eye(4))
             return
-        matrix = sun_matrix(self._scene)
+        matrix = _sun_matrix(self._scene)
         self._shadow = self._context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
         self._shadow.compare_func = "<="
         self._shadow.repeat_x = self._shadow.repeat_y = False
@@ -343,22 +326,22 @@ class GraphicsScene:
                 caster = self._caster(holed)
                 set_uniforms(caster, view=matrix)
                 self._draw_chosen(caster, holed)
+        halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
         for surface in (self._solid, self._holed):
             set_uniforms(
                 surface,
                 sun=sun.luminance(),
                 sun_direction=sun.direction(),
-                to_shadow=lookup_matrix(matrix),
-                shadow_texel=texel_size(matrix),
+                to_shadow=halved @ matrix,
+                shadow_texel=float((2 / np.linalg.norm(matrix[:2, :3], axis=1)).max() / SHADOW_SIZE),
             )
 
     def _caster(self, holed: bool) -> moderngl.VertexArray:
-        """Return the scene's vertices with a program that draws depth only."""
         if not holed:
             return self._depth_only(self._indices)
         program = self._context.program(
-            vertex_shader=graphics.SHADOW_VERTEX,
-            fragment_shader=graphics.with_holes(graphics.SHADOW_FRAGMENT),
+            vertex_shader=shader("shadow_vertex"),
+            fragment_shader=graphics.with_holes(shader("shadow")),
         )
         content = [(self._vertices, "3f4 8x1 2f4 28x1 1f4", "position", "uv", "material")]
         caster = self._context.vertex_array(program, content, self._indices)
@@ -368,9 +351,29 @@ class GraphicsScene:
     def _depth_only(self, indices: moderngl.Buffer) -> moderngl.VertexArray:
         """Return some of the scene's triangles with a program that draws depth, holes not regarded."""
         program = self._context.program(
-            vertex_shader=graphics.SHADOW_VERTEX, fragment_shader=graphics.SHADOW_FRAGMENT
+            vertex_shader=shader("shadow_vertex"), fragment_shader=shader("shadow")
         )
         return self._context.vertex_array(program, [(self._vertices, "3f4 48x1", "position")], indices)
+
+
+def _sun_matrix(scene: Scene) -> Floats:
+    """Return the matrix from the scene to the sun's picture, which is looked up for sharp shadows, (4, 4).
+
+    It covers three corners of every patch: of one that reaches far beyond all others, such as the ground, the
+    fourth corner may lie outside, and has no shadows.
+    """
+    assert scene.sun is not None
+    ahead = -scene.sun.direction()
+    right = direction_of(scene.sun.azimuth - 90, 0.0)
+    axes = np.stack([right, np.cross(right, ahead), ahead])
+    patches = scene.patches
+    points = np.concatenate([patches.origin, patches.origin + patches.along, patches.origin + patches.across])
+    seen = points @ axes.T
+    low, high = seen.min(axis=0) - 0.1, seen.max(axis=0) + 0.1
+    matrix = np.eye(4)
+    matrix[:3, :3] = axes * (2 / (high - low))[:, None]
+    matrix[:3, 3] = -(high + low) / (high - low)
+    return matrix
 
 
 def set_uniforms(surface: moderngl.VertexArray, **values: Any) -> None:

@@ -30,24 +30,12 @@ WHOLE = ((0, 0), (1, 0), (1, 1), (0, 1))  # texture coordinates that show one ti
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles between points.
+    """Triangles between points."""
 
-    Attributes
-    ----------
-    points : array, (n, 3)
-        Where they are [m].
-    triangles : array of int, (m, 3)
-        Three points each, counter-clockwise seen from the visible side.
-    uvs : array, (n, 2)
-        Texture coordinates of the points, in repeats.
-    normals : array, (n, 3)
-        Unit normals of the points.
-    """
-
-    points: Floats
-    triangles: NDArray[np.intp]
-    uvs: Floats
-    normals: Floats
+    points: Floats  # (n, 3): where they are [m]
+    triangles: NDArray[np.intp]  # (m, 3): three points each, counter-clockwise seen from the visible side
+    uvs: Floats  # (n, 2): texture coordinates of the points, in repeats
+    normals: Floats  # (n, 3): unit normals of the points
 
 
 def ring(segments: int) -> Floats:
@@ -199,24 +187,12 @@ def projected(corners: Floats, facing: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class Pieces:
-    """Flat pieces of surface of one object: all of them parallelograms, or all of them triangles.
+    """Flat pieces of surface of one object: all of them parallelograms, or all of them triangles."""
 
-    Attributes
-    ----------
-    corners : array, (n, 3, 3)
-        Of each the first corner and its two neighbours [m].
-    normals : array, (n, 3, 3)
-        Unit normals there.
-    uvs : array, (n, 3, 2)
-        Texture coordinates there, in repeats.
-    triangle : bool
-        Whether they are triangles.
-    """
-
-    corners: Floats
-    normals: Floats
-    uvs: Floats
-    triangle: bool
+    corners: Floats  # (n, 3, 3): of each the first corner and its two neighbours [m]
+    normals: Floats  # (n, 3, 3): unit normals there
+    uvs: Floats  # (n, 3, 2): texture coordinates there, in repeats
+    triangle: bool  # whether they are triangles
 
 
 class PatchColumns:

@@ -25,18 +25,11 @@ Relief = Callable[[np.random.Generator, int], NDArray[np.float32]]
 
 @dataclass(frozen=True)
 class Detail:
-    """Fine structure of a kind of surface.
+    """Fine structure of a kind of surface."""
 
-    Attributes
-    ----------
-    relief : function of (rng, size)
-        Returns how light each place is, (size, size), in any unit; opposite edges meet. u runs to the right.
-    strength : float
-        Standard deviation of the albedo over its mean, where a texel is seen as such.
-    """
-
+    # returns how light each place is, (size, size), in any unit; opposite edges meet. u runs to the right
     relief: Relief
-    strength: float
+    strength: float  # standard deviation of the albedo over its mean, where a texel is seen as such
 
     def __post_init__(self) -> None:
         if not 0 <= self.strength <= 1 / OUTLIERS:
@@ -69,7 +62,6 @@ def detail_of(material: Material) -> Detail | None:
 
 @cache
 def _codes(relief: Relief) -> NDArray[np.uint8]:
-    """Return a relief as codes whose mean is that of white and black, rounded at random."""
     rng = stream(SEED, relief.__name__)
     values = relief(rng, SIZE).astype(np.float64)
     values -= values.mean()

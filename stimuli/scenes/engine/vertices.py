@@ -42,45 +42,25 @@ SLACK = 0.02  # [m] a block is drawn although it is this far behind
 
 @dataclass(frozen=True, eq=False)
 class Blocks:
-    """Runs of the patches in an order of their own, with the boxes around them.
+    """Runs of the patches in an order of their own, with the boxes around them."""
 
-    Attributes
-    ----------
-    order : array of int, (n,)
-        The patches, block by block.
-    first, count : arrays of int, (b,)
-        Which places in that order.
-    low, high : arrays, (b, 3)
-        Corners of the boxes [m].
-    cutout : array of bool, (b,)
-        Whether the surfaces have holes.
-    """
-
-    order: NDArray[np.int64]
+    order: NDArray[np.int64]  # (n,): the patches, block by block
+    # (b,): which places in that order
     first: NDArray[np.int64]
     count: NDArray[np.int64]
+    # (b, 3): corners of the boxes [m]
     low: Floats
     high: Floats
-    cutout: NDArray[np.bool_]
+    cutout: NDArray[np.bool_]  # (b,): whether the surfaces have holes
 
 
 @dataclass(frozen=True, eq=False)
 class Faces:
-    """Where the patches are.
+    """Where the patches are."""
 
-    Attributes
-    ----------
-    corners : array, (n, 4, 3)
-        The last one is unused by triangles [m].
-    planes : array, (n, 4)
-        Unit normal, and minus its product with a corner: positive in front [m].
-    triangle : array of bool, (n,)
-        Whether the patch is a triangle.
-    """
-
-    corners: Floats
-    planes: Floats
-    triangle: NDArray[np.bool_]
+    corners: Floats  # (n, 4, 3): the last one is unused by triangles [m]
+    planes: Floats  # (n, 4): unit normal, and minus its product with a corner: positive in front [m]
+    triangle: NDArray[np.bool_]  # (n,): whether the patch is a triangle
 
     def indices(self, patches: NDArray[np.int64]) -> NDArray[np.uint32]:
         """Return the indices of some patches' triangles."""
@@ -194,7 +174,6 @@ def not_hidden(
 
 
 def _distance(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return the distance along the view for depths [m]."""
     return np.asarray(2 * FAR * NEAR / (FAR + NEAR - (2 * depth - 1) * (FAR - NEAR)), dtype=np.float32)
 
 
@@ -229,7 +208,6 @@ def _visible(low, high, matrix, distance):
 
 @compiled_loop(error_model="numpy")
 def _any_behind(distance, low_row, high_row, first, last, limit):
-    """Return whether a rectangle of pixels has one that is farther than a limit."""
     for row in range(low_row, high_row + 1):
         for column in range(first, last + 1):
             if distance[row, column] >= limit:
@@ -266,7 +244,6 @@ def shown_first_to_last(
 
 @compiled_loop()
 def _run_by_run(order, runs):
-    """Return what runs of an order hold."""
     found = np.empty(runs[:, 1].sum(), np.int64)
     n = 0
     for first, count in runs:

@@ -15,7 +15,7 @@ from evenlight.stimuli.scenes.engine.camera_path_file import table_of_light
 from evenlight.stimuli.scenes.engine.material_textures import CUTOFF, material_textures
 from evenlight.stimuli.scenes.engine.scene import Floats, Scene
 from evenlight.stimuli.scenes.engine.vertices import corners_of
-from evenlight.stimuli.scenes.gltf.gltf_meshes import UPRIGHT
+from evenlight.stimuli.scenes.gltf.gltf_scene import UPRIGHT
 
 if TYPE_CHECKING:
     import trimesh
@@ -56,7 +56,6 @@ def glb_of(scene: Scene) -> bytes:
 
 
 def _mesh(scene: Scene, chosen: NDArray[np.bool_], name: str, image: Any) -> trimesh.Trimesh:
-    """Return some patches as triangles, y up, each with points of its own."""
     import trimesh
     from trimesh.visual import TextureVisuals
     from trimesh.visual.material import PBRMaterial
@@ -83,7 +82,6 @@ def _mesh(scene: Scene, chosen: NDArray[np.bool_], name: str, image: Any) -> tri
 
 
 def _image(codes: NDArray[np.uint8]) -> Any:
-    """Return a texture as an image of sRGB codes."""
     from PIL import Image
 
     light = codes[::-1, :, :3] / 255
@@ -96,7 +94,6 @@ def _image(codes: NDArray[np.uint8]) -> Any:
 
 
 def _material(scene: Scene, index: int, emission: Floats, scale: Floats) -> dict[str, Any]:
-    """Return the entry of a material: the texture's full scale is its colour."""
     material = scene.materials[index]
     paint = {
         "baseColorFactor": [*scale.tolist(), 1.0],

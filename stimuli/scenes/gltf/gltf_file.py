@@ -33,21 +33,11 @@ NOT_READ = {
 
 @dataclass(frozen=True, eq=False)
 class GltfFile:
-    """What a file holds.
-
-    Attributes
-    ----------
-    path : Path
-        The file.
-    header : dict
-        Its JSON.
-    buffers : tuple of bytes
-        Its buffers, those of other files included.
-    """
+    """What a file holds."""
 
     path: Path
     header: dict[str, Any]
-    buffers: tuple[bytes, ...]
+    buffers: tuple[bytes, ...]  # its buffers, those of other files included
 
     def image(self, texture: int) -> Image:
         """Return the image of a texture, RGBA.
@@ -137,7 +127,6 @@ def in_one_line(path: Path) -> Iterator[None]:
 
 
 def _header_of(path: Path) -> tuple[dict[str, Any], bytes]:
-    """Return the JSON of a file, and its own buffer if it has one."""
     try:
         data, own = path.read_bytes(), b""
         if data[:4] == MAGIC:
@@ -159,7 +148,6 @@ def _header_of(path: Path) -> tuple[dict[str, Any], bytes]:
 
 
 def _chunks(data: bytes) -> dict[int, bytes]:
-    """Return the contents of the chunks of a .glb file by type."""
     at, chunks = 12, dict[int, bytes]()
     while at + 8 <= len(data):
         length, kind = struct.unpack_from("<II", data, at)

@@ -22,24 +22,12 @@ THERE = 0.5  # opacity from which a surface that would be blended counts as ther
 
 @dataclass(frozen=True, eq=False)
 class Surface:
-    """What some triangles are made of.
+    """What some triangles are made of."""
 
-    Attributes
-    ----------
-    number : int
-        Of its material among those of the file; all white where there is no texture.
-    tint : array, (3,)
-        Factor of the albedo.
-    emission : array, (3,)
-        Luminance, linear RGB [cd/m^2].
-    both_sides : bool
-        Whether it is seen from behind, too.
-    """
-
-    number: int
-    tint: Floats
-    emission: Floats
-    both_sides: bool
+    number: int  # of its material among those of the file; all white where there is no texture
+    tint: Floats  # (3,): factor of the albedo
+    emission: Floats  # (3,): luminance, linear RGB [cd/m^2]
+    both_sides: bool  # whether it is seen from behind, too
 
 
 class Surfaces:
@@ -81,7 +69,6 @@ class Surfaces:
         return Surface(list(self._materials).index(key), np.array(tint), emission, both)
 
     def _emission(self, entry: dict[str, Any]) -> Floats:
-        """Return the luminance of a material, that of a texture on the average, (3,) [cd/m^2]."""
         strength = entry.get("extensions", {}).get("KHR_materials_emissive_strength", {})
         emission = numbers(entry.get("emissiveFactor", (0, 0, 0)), 3) * numbers(
             [strength.get("emissiveStrength", 1)], 1
@@ -92,7 +79,6 @@ class Surfaces:
         return np.asarray(emission)
 
     def _key(self, texture: dict[str, Any] | None, cutoff: float | None, gloss: float) -> tuple[Any, ...]:
-        """Return the key of a material, with holes where its texture is less opaque than some limit."""
         from PIL import Image
 
         source = None if texture is None else self._file.header["textures"][texture["index"]]["source"]
@@ -135,7 +121,6 @@ def _resampled(
 
 
 def _linear(image: Image) -> NDArray[np.float32]:
-    """Return an image of sRGB codes in linear light, with its opacity, (height, width, 4)."""
     shares = np.asarray(image, dtype=np.float32) / 255
     light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
     return np.asarray(np.concatenate([light[..., :3], shares[..., 3:]], axis=2), dtype=np.float32)

@@ -1,27 +1,35 @@
 """A scene from a glTF file: its surfaces and lamps in our coordinates, to be lit by us.
 
 glTF counts in metres with y up; here z is up: (x, y, z) there is (x, -z, y) here, as in Blender.
+Triangles of a mesh that form a parallelogram become one patch, which is lit without a seam.
 """
 
 from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from io import BytesIO
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.scenes.engine.camera_path_file import light_in
-from evenlight.stimuli.scenes.engine.scene import SEED, Patches, Scene, Sky
+from evenlight.stimuli.scenes.engine.scene import SEED, Floats, Patches, Scene, Sky
+from evenlight.stimuli.scenes.engine.shapes import at_right_angles, widest_corner_first
 from evenlight.stimuli.scenes.gltf.gltf_file import GltfFile, in_one_line
-from evenlight.stimuli.scenes.gltf.gltf_materials import Surfaces
-from evenlight.stimuli.scenes.gltf.gltf_meshes import other_sides, patches_of, together
+from evenlight.stimuli.scenes.gltf.gltf_materials import Surface, Surfaces
 
 if TYPE_CHECKING:
     import trimesh
 
+UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # from y up to z up
+TWIN = 0.001  # [m] the two sides of a thin surface are this far apart
+SMALL = 1e-12  # [m^2] triangles of less area are left out
+FLAT = 1e-4  # [m, and repeats of a texture] corners of a parallelogram fit to this
+FACETED = 1e-3  # unit normals that differ by less are those of a flat piece
 SMALLEST, LARGEST = 0.5, 2000.0  # [m] longest side of a scene
 MOST_TRIANGLES = 1_000_000
 MOST_LAMPS = 5_000  # luminous pieces: the bake looks for each of them from everywhere
@@ -80,7 +88,6 @@ def _loaded(file: GltfFile) -> trimesh.Scene:
 
 
 def _patches(file: GltfFile, loaded: trimesh.Scene, surfaces: Surfaces) -> Patches:
-    """Return all surfaces, in the order of the file; refuse what is too much, too large or too small."""
     placed = [(node, *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
     placed.sort(key=lambda one: (int(one[0].split("_")[0]), one[2]))
     solid = [(matrix, loaded.geometry[name]) for _, matrix, name in placed]
@@ -111,7 +118,6 @@ def _patches(file: GltfFile, loaded: trimesh.Scene, surfaces: Surfaces) -> Patch
 
 
 def _check_size(file: GltfFile, patches: Patches) -> None:
-    """Refuse a scene that is too large or too small to be one in metres."""
     corners = [patches.origin, patches.origin + patches.along, patches.origin + patches.across]
     extent = np.ptp(np.concatenate(corners), axis=0)
     if not SMALLEST <= extent.max() <= LARGEST:
@@ -120,3 +126,106 @@ def _check_size(file: GltfFile, patches: Patches) -> None:
             f"{file.path}: it measures {size} m; need {SMALLEST:g} to {LARGEST:g} m along its longest side, "
             "as glTF counts in metres"
         )
+
+
+def patches_of(mesh: trimesh.Trimesh, matrix: Floats, surface: Surface) -> Patches:
+    """Return the surface of a mesh.
+
+    Parameters
+    ----------
+    mesh : trimesh.Trimesh
+        With `_NORMAL`, `_COLOR_0` and texture coordinates as attributes of its points, where it has them.
+    matrix : array, (4, 4)
+        Where it stands, y up.
+    surface : Surface
+        What it is made of.
+
+    Raises
+    ------
+    ValueError
+        If it holds what is no number.
+    """
+    turned = UPRIGHT @ matrix[:3, :3]
+    points = np.asarray(mesh.vertices, float) @ turned.T + UPRIGHT @ matrix[:3, 3]
+    if not np.isfinite(points).all():
+        raise ValueError("positions that are not numbers")
+    faces = np.asarray(mesh.faces)
+    faces = widest_corner_first(points, faces[:, ::-1] if np.linalg.det(turned) < 0 else faces)
+    faces = faces[np.linalg.norm(_sides(points[faces]), axis=1) > SMALL]
+    corners, n = points[faces], len(faces)
+    given = {key: _as_numbers(values)[faces] for key, values in mesh.vertex_attributes.items()}
+    uvs = next((values for key, values in given.items() if "TEXCOORD" in key), np.zeros((n, 3, 2)))
+    colours = given.get("_COLOR_0", np.ones((n, 3, 3)))[..., :3].mean(axis=1).clip(0, 1)
+    normals = given["_NORMAL"] @ np.linalg.pinv(turned) if "_NORMAL" in given else np.zeros((n, 3, 3))
+    patches = Patches(
+        corners[:, 0],
+        corners[:, 1] - corners[:, 0],
+        corners[:, 2] - corners[:, 0],
+        np.ones(n, dtype=np.bool_),
+        _unit_normals(normals, _sides(corners)),
+        uvs * [1, -1] + [0, 1],
+        np.full(n, surface.number),
+        np.ones((n, 3)) if surface.emission.any() else colours * surface.tint,
+        np.tile(surface.emission, (n, 1)),
+    )
+    return joined(patches)
+
+
+def _sides(corners: Floats) -> Floats:
+    return at_right_angles(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+
+
+def _as_numbers(values: NDArray[Any]) -> Floats:
+    """Return numbers of a file: whole ones stand for shares of their range."""
+    numbers = values.astype(float) / (np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1)
+    if not np.isfinite(numbers).all():
+        raise ValueError("normals, colours or texture coordinates are not numbers")
+    return numbers
+
+
+def _unit_normals(given: Floats, sides: Floats) -> Floats:
+    """Return unit normals at the corners of triangles, those of flat ones where none are given."""
+    flat = (sides / np.linalg.norm(sides, axis=1, keepdims=True))[:, None]
+    length = np.linalg.norm(given, axis=2, keepdims=True)
+    normals = np.where(length > 1e-9, given / np.maximum(length, 1e-9), flat)
+    # Normals as a file rounds them would make a flat piece a bent one.
+    level = (np.abs(normals - flat) < FACETED).all(axis=(1, 2), keepdims=True)
+    return np.asarray(np.where(level, flat, normals))
+
+
+def joined(patches: Patches) -> Patches:
+    """Return triangles, each from its widest corner, where two in a row that form a parallelogram are one."""
+    corners = patches.origin[:, None] + np.stack(
+        [np.zeros_like(patches.along), patches.along, patches.across], axis=1
+    )
+    fits = np.asarray((np.abs(np.diff(patches.tint, axis=0)) < FLAT).all(axis=1))
+    for values, limit in ((corners, FLAT), (patches.normals, FACETED), (patches.uvs, FLAT)):
+        a, b = values[:-1], values[1:]
+        # Both sides of the longest edge, which they share; and the corner that is across from it.
+        for gap in (a[:, 1] - b[:, 2], a[:, 2] - b[:, 1], a[:, 1] + a[:, 2] - a[:, 0] - b[:, 0]):
+            fits &= (np.abs(gap) < limit).all(axis=1)
+    fits[1:] &= ~fits[:-1]
+    whole, kept = np.append(fits, [False]), ~np.append([False], fits)
+    fewer = replace(patches, triangle=~whole)
+    return Patches(*(getattr(fewer, name)[kept] for name in Patches.__dataclass_fields__))
+
+
+def together(parts: list[Patches]) -> Patches:
+    """Return all patches of some parts."""
+    return Patches(
+        *(np.concatenate([getattr(part, name) for part in parts]) for name in Patches.__dataclass_fields__)
+    )
+
+
+def other_sides(patches: Patches) -> Patches:
+    """Return what is seen of thin surfaces from behind, a little apart from their front."""
+    facing = at_right_angles(patches.across, patches.along)
+    back = [0, 2, 1]
+    return replace(
+        patches,
+        origin=patches.origin + TWIN * facing / np.linalg.norm(facing, axis=1, keepdims=True),
+        along=patches.across,
+        across=patches.along,
+        normals=-patches.normals[:, back],
+        uvs=patches.uvs[:, back],
+    )

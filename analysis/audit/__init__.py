@@ -1,1 +1,0 @@
-"""What the paper's published numbers themselves support."""

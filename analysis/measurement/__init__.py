@@ -1,1 +1,0 @@
-"""Displays and power, measured: sweeps, the energy of frames, clocks."""

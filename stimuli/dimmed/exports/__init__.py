@@ -1,1 +1,0 @@
-"""Tracks for other programs: FFmpeg, mpv, an edit, and anything that reads JSON."""

@@ -1,0 +1,50 @@
+#version 330
+// The sun's light is added sharply here; the baked light holds all else, the sun's light from walls included.
+uniform float brightest;          // [cd/m^2]
+uniform sampler2DArray albedo;
+uniform sampler2DArray detail;    // 0.5 is even
+uniform sampler2D light;          // what a white surface would emit [cd/m^2]
+uniform sampler2DShadow shadow;
+uniform mat4 to_shadow;
+uniform vec3 eye;
+uniform vec3 sun_direction;
+uniform vec3 sun;                 // luminance of white paper that faces it [cd/m^2]
+uniform float shadow_texel;       // [m]
+in vec3 where_;
+in vec3 facing;
+in vec3 at;
+centroid in vec3 at_light;
+in vec4 share;
+in vec4 fine;
+out vec4 colour;
+
+void main() {
+    vec4 paint = texture(albedo, at);
+    vec3 n = normalize(facing);
+#ifdef CUTOUT
+    if (is_hole(paint.a, at, float(textureSize(albedo, 0).x), facing)) discard;
+#endif
+    paint.rgb *= 1.0 + fine.w * (2.0 * texture(detail, fine.xyz).r - 1.0);
+    vec3 arriving = texture(light, at_light.xy / at_light.z).rgb;
+    float towards = dot(n, sun_direction);
+#ifdef CUTOUT
+    if (towards < 0.0) {  // thin leaves let light through, and blue least
+        n = -n;
+        towards *= -0.5;
+        paint.rgb *= vec3(1.0, 1.0, 0.7);
+    }
+#endif
+    if (towards > 0.0) {
+        vec3 p = where_ + n * (1.5 * shadow_texel * sqrt(1.0 - towards * towards) + 0.004);
+        vec4 q = to_shadow * vec4(p, 1.0);
+        arriving += sun * (towards * texture(shadow, q.xyz));
+    }
+    vec3 seen = paint.rgb * share.rgb * arriving;
+    if (share.a > 0.0) {
+        // A gloss reflects some of the light around it, more at grazing angles (Schlick 1994).
+        float grazing = 1.0 - abs(dot(n, normalize(eye - where_)));
+        float squared = grazing * grazing;
+        seen += arriving * share.a * (0.04 + 0.6 * squared * squared * grazing);
+    }
+    colour = vec4(min(seen, brightest), 1.0);
+}

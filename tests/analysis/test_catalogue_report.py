@@ -1,0 +1,26 @@
+"""What a catalogue is reported as: its gallery leads to the results, wherever the report is."""
+
+import re
+from urllib.parse import unquote
+
+import pytest
+
+from evenlight.analysis.catalogue.catalogue_report import Catalogue
+from evenlight.data_schema.tracks.catalogue import CatalogueRow
+
+
+@pytest.mark.usefixtures("blank_pictures")
+@pytest.mark.parametrize("place", ["out", "elsewhere", "out/report", "a/b c"])
+def test_the_gallery_leads_to_the_results_wherever_the_report_is(tmp_path, place):
+    names = ("night walk", "sunrise")
+    for name in names:
+        (tmp_path / "out" / name).mkdir(parents=True)
+        (tmp_path / "out" / name / "track.png").write_bytes(b"made")
+    (tmp_path / "out" / "sunrise" / "player.html").write_text("made")
+    found = Catalogue(tuple(CatalogueRow(name, f"{name}.mkv", frames=3) for name in names), tmp_path / "out")
+    found.save(tmp_path / place)
+    page = (tmp_path / place / "report.html").read_text()
+    cards = re.findall(r'<li><a href="([^"]+)"><img [^>]*src="([^"]+)"', page)
+    links = [unquote(link) for card in cards for link in card]
+    ends = ["night walk/track.png", "night walk/track.png", "sunrise/player.html", "sunrise/track.png"]
+    assert [(tmp_path / place / link).resolve() for link in links] == [tmp_path / "out" / end for end in ends]

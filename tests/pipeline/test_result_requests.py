@@ -1,0 +1,132 @@
+"""`request.toml`: what was asked, defaults too, and of what; with `--request` it makes the result again."""
+
+import inspect
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import typer
+
+from evenlight.command import COMMANDS
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.result_requests import recorded, write_request
+
+pytestmark = pytest.mark.usefixtures("blank_pictures")
+FAST = ("--no-player", "--no-cache", "--quiet")
+
+
+@pytest.fixture
+def film(tmp_path: Path, make_video: Any, monkeypatch: pytest.MonkeyPatch) -> str:
+    """A film of 20 frames in the current folder."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("evenlight.analysis.tracks.track_results._draw", lambda *_: None)
+    make_video(tmp_path / "film.mkv", 0.5 + 0.4 * np.cos(np.arange(20) / 5), (48, 32), 5.0)
+    return "film.mkv"
+
+
+def asked_in(folder: str) -> dict[str, Any]:
+    asked: dict[str, Any] = tomllib.loads(Path(folder, "request.toml").read_text())
+    return asked
+
+
+def test_a_result_is_made_again_and_an_option_beside_it_overrides(command: Any, film: str) -> None:
+    made = command("optimize", film, "--budget", 0.5, "--calm", 0.2, "--out", "track", *FAST)
+    assert made.code == 0, made.err
+    request = asked_in("track")
+    assert request["command"] == "optimize"
+    assert request["provenance"]["inputs"] == {film: sha256_of_file(Path(film))}
+    asked = request["asked"]
+    assert (asked["video"], asked["budget"], asked["calm"], asked["no_player"]) == (film, 0.5, 0.2, True)
+    assert (asked["min_factor"], asked["solver"], asked["seed"]) == (0.2, "splitting", 1)  # defaults
+    assert "quiet" not in asked  # of no influence
+    assert "fps" not in asked  # not given
+
+    again = command("optimize", "--request", "track/request.toml", "--out", "again", "--quiet")
+    assert (again.code, again.err) == (0, "")
+    assert Path("again/track.csv").read_bytes() == Path("track/track.csv").read_bytes()
+    assert asked_in("again")["asked"] == asked | {"out": "again"}
+
+    darker = command("optimize", "--request", "track", "--budget", 0.4, "--out", "darker", "--quiet")
+    assert darker.code == 0, darker.err
+    track = read_track(Path("darker/track.csv"))
+    assert np.average(track.factors) == pytest.approx(0.4, abs=1e-6)
+    assert asked_in("darker")["asked"] == asked | {"out": "darker", "budget": 0.4}
+
+    checked = command("validate", "again")
+    assert checked.code == 0
+    assert "request.toml (result request)" in checked.out
+
+
+def test_lists_and_secrets(command: Any, film: str) -> None:
+    made = command("optimize", film, "--with", film, "--with", film, "--budget", 0.5, "--out", "track", *FAST)
+    assert made.code == 0, made.err
+    assert asked_in("track")["asked"]["others"] == [film, film]
+    again = command("optimize", "--request", "track", "--out", "again", "--quiet")
+    assert again.code == 0, again.err
+    assert len(list(Path("again").glob("*/track.csv"))) == 3
+    url = "https://me:word@host/film.mp4?key=12"
+    write_request(Path("there"), "optimize", {"video": url}, {url: 64 * "a"})
+    assert asked_in("there")["asked"] == {"video": "https://host/film.mp4"}
+    assert asked_in("there")["provenance"]["inputs"] == {"https://host/film.mp4": 64 * "a"}
+
+
+def test_a_file_that_has_changed_is_told_of(command: Any, film: str, make_video: Any) -> None:
+    assert command("control", film, "--target-loss", 0.05, "--out", "track", *FAST).code == 0
+    make_video(Path(film), 0.5 + 0.4 * np.sin(np.arange(20) / 5), (48, 32), 5.0)
+    again = command("control", "--request", "track", "--quiet")
+    assert (again.code, again.err) == (
+        0,
+        "evenlight: note: film.mkv is not as it was when track/request.toml was written\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('command = "control"', "request.toml: is of `evenlight control`; give it to that command"),
+        (
+            'command = "optimize"\n[asked]\nbugdet = 0.5',
+            "request.toml: asked: unknown key 'bugdet'; did you mean 'budget'?",
+        ),
+        ('command = "optimize"\n[asked]\nvideo = "a"\nbudget = "half"', "Invalid value for '--budget'"),
+        ('command = "optimize"\n[asked]\nbudget = 0.5', "Missing argument 'video'"),
+        ('command = "optimize"\n[asked]\nvideo = "a.mp4"\nbudget = 0.5', "(asked in request.toml)"),
+    ],
+)
+def test_what_cannot_be_asked_is_said_in_one_line(command: Any, film: str, text: str, told: str) -> None:
+    Path("request.toml").write_text(text)
+    refused = command("optimize", "--request", "request.toml", "--out", "track")
+    assert refused.code == 2
+    assert told in refused.err
+    assert refused.err.count("\n") == 1
+    assert not Path("track").exists()
+
+
+def test_the_commands_that_leave_results_take_a_request() -> None:
+    commands = {name: one for group in COMMANDS.values() for name, one in group.items() if callable(one)}
+    taking = {name for name, one in commands.items() if "request" in inspect.signature(one).parameters}
+    assert taking == {"optimize", "control", "catalogue", "judge", "fit", "analyze"}
+
+
+def test_a_command_that_ends_with_a_failed_part_leaves_its_request_and_an_error_does_not(
+    tmp_path: Path,
+) -> None:
+    def command(out: Path, failed: bool) -> None:
+        raise typer.Exit(1) if failed else InputError("no")
+
+    asked = recorded("catalogue", command)
+    with pytest.raises(typer.Exit):
+        asked(out=tmp_path / "some", failed=True)
+    assert (tmp_path / "some" / "request.toml").is_file()
+    with pytest.raises(InputError):
+        asked(out=tmp_path / "none", failed=False)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_refused_command_leaves_no_request(command: Any, film: str) -> None:
+    assert command("optimize", film, "--budget", 0.01, "--out", "track").code == 2
+    assert not Path("track").exists()
