@@ -4,69 +4,75 @@ from __future__ import annotations
 
 import ctypes
 import importlib
-import io
 import os
+import platform
+import struct
 import sys
-import threading
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
 from typing import Any
 
-LAST_WORDS = "realtime priority"  # of what the thread says where it may not have any
-LOOKS = 100_000  # microseconds to one look at what it said: rarely in the midst of its words
-PATIENCE = 5.0  # for its words to come, on a busy machine too [s]
+SET_SCHEDULER = {"x86_64": 144, "aarch64": 119}  # numbers of the system call sched_setscheduler
+NO_NEW_PRIVILEGES, SECCOMP, FILTER = 38, 22, 2  # of prctl(2)
+LOAD, EQUAL, RETURN = 0x20, 0x15, 0x06  # instructions of a filter
+ALLOW, ANSWER_ZERO = 0x7FFF0000, 0x00050000  # what a filter returns
+LATEST_WORDS = 2_000_000  # microseconds until a thread that was not quietened has surely spoken
 
 
 @contextmanager
 def safe_keyboard_start() -> Iterator[None]:
-    """Keep the interpreter's lock while PsychHID's thread starts, for a keyboard that is opened within.
+    """Start PsychHID's thread without its complaint, for a keyboard that is opened within.
 
     Where a user may not have real-time priority, that thread says so with Python's `print` and does not take
-    the lock first: Python crashes unless the thread that started it has it then. What it says is caught.
+    the interpreter's lock first, of which Python crashes. Here its request for priority is answered as
+    granted, with no effect but that it says nothing (seccomp(2)); elsewhere nothing changes.
     """
     try:
         hid = importlib.import_module("psychtoolbox.hid") if sys.platform == "linux" else None
     except ImportError:
         hid = None
-    if hid is None or _may_have_priority():
+    if hid is None or _in_a_thread(_gets_priority):
         yield
         return
     start = hid.Keyboard.queue_start
-    hid.Keyboard.queue_start = lambda device: _started(start, device)
+    hid.Keyboard.queue_start = lambda device: _in_a_thread(lambda: _start_quietly(start, device))
     try:
         yield
     finally:
         hid.Keyboard.queue_start = start
 
 
-def _may_have_priority() -> bool:
-    """Return whether a thread may have real-time priority: one tries."""
-    granted = []
-
-    def ask() -> None:
-        try:
-            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(os.sched_get_priority_min(os.SCHED_RR)))
-            granted.append(True)
-        except OSError:
-            granted.append(False)
-
-    asking = threading.Thread(target=ask)
-    asking.start()
-    asking.join()
-    return granted[0]
+def _in_a_thread(act: Callable[[], Any]) -> Any:
+    """Return what a function returns, or raise what it raises, in a thread of its own that then ends."""
+    with ThreadPoolExecutor(1) as threads:
+        return threads.submit(act).result()
 
 
-def _started(start: Any, device: Any) -> None:
-    """Start the queue of a keyboard, and keep the lock until its thread has said what it lacks."""
-    library, interval = ctypes.PyDLL(None), sys.getswitchinterval()  # calls through PyDLL keep the lock
-    sys.setswitchinterval(2 * PATIENCE)  # no other thread of Python is given it either
+def _gets_priority() -> bool:
+    """Ask for the real-time priority that PsychHID's thread asks for, and return whether it was granted."""
     try:
-        with redirect_stdout(io.StringIO()) as said:
-            start(device)
-            for _ in range(round(PATIENCE * 1e6 / LOOKS)):
-                library.usleep(LOOKS)
-                if LAST_WORDS in said.getvalue():
-                    library.usleep(LOOKS)
-                    break
-    finally:
-        sys.setswitchinterval(interval)
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    except OSError:
+        return False
+    return True
+
+
+def _start_quietly(start: Callable[[Any], Any], device: Any) -> None:
+    """Start the queue of a keyboard, whose thread inherits the filter of the one that starts it."""
+    quiet = _answer_requests_for_priority()
+    start(device)
+    if not quiet:  # the lock is kept meanwhile: calls through PyDLL do not let go of it
+        ctypes.PyDLL(None).usleep(LATEST_WORDS)
+
+
+def _answer_requests_for_priority() -> bool:
+    """Have the system answer this thread's later requests for a priority with 0; return whether it does."""
+    number = SET_SCHEDULER.get(platform.machine())
+    if number is None:
+        return False
+    steps = [(LOAD, 0, 0, 0), (EQUAL, 0, 1, number), (RETURN, 0, 0, ANSWER_ZERO), (RETURN, 0, 0, ALLOW)]
+    code = ctypes.create_string_buffer(b"".join(struct.pack("=HBBI", *step) for step in steps))
+    program = ctypes.create_string_buffer(struct.pack("HP", len(steps), ctypes.addressof(code)))
+    control = ctypes.CDLL(None).prctl
+    return bool(control(NO_NEW_PRIVILEGES, 1, 0, 0, 0) == 0 and control(SECCOMP, FILTER, program) == 0)

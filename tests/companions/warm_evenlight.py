@@ -8,6 +8,7 @@ own connection to the screen, and what it wrote when it was killed.
 from __future__ import annotations
 
 import contextlib
+import faulthandler
 import json
 import multiprocessing
 import os
@@ -92,6 +93,7 @@ def _be_evenlight(words: list[str], environment: dict[str, str], folder: Path, s
     os.environ.update(environment)
     for number, name in enumerate(STREAMS, start=1):
         os.dup2(os.open(folder / name, os.O_WRONLY), number)
+    faulthandler.enable()  # a crash says where it was
     signal.signal(signal.SIGINT, signal.default_int_handler)  # the fork server itself minds no Ctrl-C
     sys.argv = [str(script or "evenlight"), *words]
     if script:
