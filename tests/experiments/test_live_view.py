@@ -19,9 +19,8 @@ from rich.console import Console
 
 from evenlight import progress
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
-from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, MANIFEST, TRIALS
+from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
 from evenlight.data_schema.recordings.ramp import (
-    BREAK_TIME,
     Direction,
     Procedure,
     RampDesign,
@@ -32,7 +31,7 @@ from evenlight.data_schema.recordings.session import EventKind, SessionEvent, Se
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 from evenlight.experiments.design_files import load_design
 from evenlight.experiments.live_view import live_view as module
-from evenlight.experiments.live_view.live_view import in_one_line, live_view, session_view, watch_session
+from evenlight.experiments.live_view.live_view import in_words, live_view, session_view, watch_session
 from evenlight.experiments.live_view.session_so_far import GrowingLog, SessionSoFar
 from evenlight.experiments.live_view.thresholds_so_far import LevelSoFar, ThresholdsSoFar
 from evenlight.experiments.ramp.ramp_observer import MEDIAN_RATE_LIMIT, ObserverPopulation
@@ -56,9 +55,8 @@ def session_of(lab: Path) -> Path:
 def cut(lab: Path, n: int) -> None:
     """Make of a complete session what it was when its trial number `n` had just begun."""
     folder = session_of(lab)
-    for name, key in ((TRIALS, "trial_index"), (FRAMES, "trial_index")):
-        kept = [line for line in rows(lab, name) if line[key] < n]
-        (folder / name).write_text("".join(json.dumps(line) + "\n" for line in kept))
+    kept = [line for line in rows(lab, TRIALS) if line["trial_index"] < n]
+    (folder / TRIALS).write_text("".join(json.dumps(line) + "\n" for line in kept))
     kept = []
     for event in rows(lab, EVENTS):
         kept.append(event)
@@ -73,9 +71,9 @@ def so_far(lab: Path) -> SessionSoFar:
     return SessionSoFar(session_of(lab))
 
 
-def drawn(session: SessionSoFar, width: int = 80, height: int = 24) -> list[str]:
-    console = Console(file=io.StringIO(), width=width, height=height)
-    console.print(session_view(session, (width, height)))
+def drawn(session: SessionSoFar, width: int = 80) -> list[str]:
+    console = Console(file=io.StringIO(), width=width, height=24)
+    console.print(session_view(session))
     return console.file.getvalue().splitlines()
 
 
@@ -160,30 +158,32 @@ def test_a_rehearsal_is_told_as_its_files_have_it(lab: Path) -> None:
     session = so_far(lab)
     assert (session.ended, session.state) == (True, "complete")
     assert (len(session.usable), session.flagged) == (10, 0)
-    practice = [t for t in rows(lab) if t["practice"]]
-    right = sum((t["response"] == "yes") != t["is_catch"] for t in practice)
-    assert session.practice == f"{right} of 2 right"
     catches = [t["response"] == "yes" for t in rows(lab) if t["is_catch"] and not t["practice"]]
-    assert f"false alarms {sum(catches)} of {len(catches)}" in session.answers
-    # 0.1 + 0.5 + 0.1 s of 1/60 s frames, none dropped.
-    assert session.frames == "dropped in 0 of 12 trials; longest frame 16.7 ms (refresh 16.7 ms)"
+    assert session.false_alarms == (sum(catches), len(catches))
     assert sum(level.n_ramps for level in session.levels) == 8
 
 
-def test_a_session_in_its_midst_is_told_with_what_goes_on_and_is_left(lab: Path) -> None:
-    """Two for practice, then four of ten: the next, number five, comes after the first break."""
+def test_a_rehearsal_that_counts_refreshes_does_not_say_that_none_was_dropped(lab: Path) -> None:
+    session = so_far(lab)
+    assert session.dropped is None
+    assert "frames dropped: not timed in this rehearsal" in "\n".join(drawn(session))
+    session.manifest = dataclasses.replace(session.manifest, apparatus={"clock": "computer"})
+    session.trials[3] = dataclasses.replace(session.trials[3], frames_dropped=7)
+    assert session.dropped == 1
+    assert "frames dropped: in 1 trials" in "\n".join(drawn(session))
+
+
+def test_a_session_in_its_midst_is_told_with_what_goes_on(lab: Path) -> None:
+    """Two for practice, then four of ten."""
     cut(lab, 2 + 4)
     session = so_far(lab)
-    assert (len(session.usable), session.state, session.ended) == (4, "trial 5 is shown", False)
-    left, next_break = session.to_come()
-    assert left is not None
-    assert next_break == 4
+    assert (len(session.usable), session.state, session.ended) == (4, "trial 5", False)
 
 
 class HandMade(SessionSoFar):
-    """A session of 20 trials of 10 s each, of which some are answered, without breaks so far."""
+    """A session of 20 trials of 10 s each, of which some are answered."""
 
-    def __init__(self, done: int, **design: int) -> None:
+    def __init__(self, done: int) -> None:
         self.manifest: Any = SimpleNamespace(
             task="rating",
             participant_id="01",
@@ -191,67 +191,40 @@ class HandMade(SessionSoFar):
             simulated=False,
             status=SessionStatus.RUNNING,
             n_trials=20,
-            design=SimpleNamespace(**({"trials_between_breaks": 0, "repeat_flagged": False} | design)),
-            rig=None,
+            design=SimpleNamespace(),
+            apparatus={},
         )
         one = RatingTrial("01", "01", 0, "gym", Version.OURS, 1, 1, 0.5, 5, 2.0, simulated=False)
         self.trials = [dataclasses.replace(one, trial_index=k) for k in range(done)]
         begun = EventKind.TRIAL_BEGUN
         self.events = [SessionEvent(begun, 10.0 * k, trial_index=k, attempt=1) for k in range(done + 1)]
-        self.longest_frame = 0.0
         self._thresholds = None
 
     @property
-    def last_change(self) -> float:
-        return time.time()
+    def silence(self) -> float:
+        return 0.0
 
 
 def test_the_time_left_is_the_trials_left_at_the_pace_so_far() -> None:
-    assert HandMade(done=0).to_come() == (None, None)
-    left = [HandMade(done).to_come()[0] for done in range(1, 21)]
-    assert left == [10.0 * (20 - done) for done in range(1, 21)]
+    assert HandMade(done=0).seconds_left is None
+    left = [HandMade(done).seconds_left for done in range(1, 21)]
+    assert left == pytest.approx([10.0 * (20 - done) for done in range(1, 21)])
 
 
 def test_a_ramp_session_knows_its_time_before_the_first_answer(lab: Path) -> None:
-    """10 trials of the design's own length; breaks after 4 and 8, as no break was taken yet a minute each."""
+    """10 trials of the design's own length."""
     cut(lab, 0)
-    assert so_far(lab).to_come()[0] == pytest.approx(10 * trial_seconds(SMALL) + 2 * BREAK_TIME)
+    assert so_far(lab).seconds_left == pytest.approx(10 * trial_seconds(SMALL))
 
 
-def test_a_break_begins_the_count_anew_and_tells_how_long_breaks_are() -> None:
-    """After 4 of 20 trials a break of 30 s; another 4 s after it, in the midst of trial 6."""
-    session = HandMade(done=5, trials_between_breaks=4)
-    rest = SessionEvent(EventKind.PAGE_SHOWN, 40.0, detail="break")
+def test_breaks_and_repeats_are_part_of_the_pace() -> None:
+    """Of 10 trials in 100 s and a break of 30 s, 9 are usable: the 11 left take 130 / 9 s each."""
+    session = HandMade(10)
+    session.trials[1] = dataclasses.replace(session.trials[1], flag=TrialFlag.DROPPED_FRAMES)
     later = [dataclasses.replace(e, time=e.time + 30) for e in session.events[4:]]
-    session.events = [*session.events[:4], rest, *later]
-    # 15 left at 10 s: from one trial to the next, and not over the break, which was 30 s, and so will be
-    # those after 8, 12 and 16.
-    assert session.to_come() == (15 * 10.0 + 3 * 30.0, 3)
-
-
-@pytest.mark.parametrize(
-    ("done", "every", "next_break", "breaks"),
-    # Of 20 trials: breaks after 8 and 16, none at the end. None was taken: after 5 trials 3 to go.
-    [(1, 8, 7, 2), (5, 8, 3, 2), (5, 20, None, 0), (5, 15, 10, 1)],
-)
-def test_breaks_still_to_come_are_counted_into_the_time_left(
-    done: int, every: int, next_break: int | None, breaks: int
-) -> None:
-    left = 10.0 * (20 - done) + breaks * BREAK_TIME
-    assert HandMade(done, trials_between_breaks=every).to_come() == (pytest.approx(left), next_break)
-
-
-def test_breaks_by_minutes_come_at_the_pace_so_far() -> None:
-    """Every minute, of 10 s a trial: after 6 trials, so from the fifth on one more."""
-    assert HandMade(5, minutes_between_breaks=1).to_come()[1] == 1
-
-
-def test_flagged_trials_prolong_the_session_where_they_are_shown_again() -> None:
-    session = HandMade(10, repeat_flagged=True)
-    session.trials[0] = dataclasses.replace(session.trials[0], flag=TrialFlag.DROPPED_FRAMES)
-    # 9 of 10 usable: the 11 left take 11 · 10 / 9 showings.
+    session.events = [*session.events[:4], SessionEvent(EventKind.PAGE_SHOWN, 40.0, detail="break"), *later]
     assert (len(session.usable), session.flagged) == (9, 1)
-    assert session.to_come()[0] == pytest.approx(11 * 10 / 9 * 10.0)
+    assert session.seconds_left == pytest.approx(11 * 130 / 9)
 
 
 def test_a_session_that_was_killed_shows_by_its_silence(lab: Path) -> None:
@@ -259,24 +232,25 @@ def test_a_session_that_was_killed_shows_by_its_silence(lab: Path) -> None:
     assert "nothing new" not in drawn(so_far(lab))[1]
     before = time.time() - 600
     os.utime(session_of(lab) / EVENTS, (before, before))
-    assert drawn(so_far(lab))[1].split(",")[1].strip() == "nothing new for 10 min"
+    assert drawn(so_far(lab))[1].split(",")[-1].strip() == "nothing new for 10 min"
 
 
 @pytest.mark.parametrize(("seen", "words"), [(0, "above 0.500"), (4, "below 2.00"), (2, "0.500 to 2.00")])
 def test_of_answers_all_alike_only_a_bound_is_told(seen: int, words: str) -> None:
     """Their threshold is the prior's."""
     level = ("white", 1.0, Direction.DOWN, 5.0)
-    cells = module._cells(LevelSoFar(level, 100.0, 1.0, 0.5, 2.0, 4, seen, latest=False), several=False)
+    cells = module._cells(LevelSoFar(level, 100.0, 1.0, 0.5, 2.0, 4, seen, latest=False))
     assert cells[3] == words
     assert cells[2] == ("1.00" if seen == 2 else "–")
 
 
 def test_of_a_viewing_experiment_no_answer_is_told() -> None:
     """Who knows how it goes may tell the participant: counts and times alone."""
-    text = "\n".join(drawn(HandMade(3)))
-    assert "3 of 20" in text
-    assert "2.0 s, 2.0 s, 2.0 s" in text
-    assert all(word not in text for word in ("ours", "baseline", "rated", " 5"))
+    assert drawn(HandMade(3)) == [
+        "rating, participant 01, session 01",
+        "trial 4, about 3 min left",
+        "3 of 20 trials, 0 flagged, frames dropped: in 0 trials",
+    ]
 
 
 # Files that grow
@@ -327,7 +301,7 @@ def test_a_session_is_watched_while_it_grows(
     monkeypatch.setattr("rich.console.Console.is_terminal", True)
     watch_session(folder, once=False, sleep=end)
     said = capsys.readouterr().out
-    assert said.index("is answered") < said.index("complete")
+    assert said.index("left") < said.index("complete")
 
 
 # What is drawn
@@ -352,14 +326,21 @@ def test_a_session_of_ten_levels_fits_a_terminal_of_80_columns_and_24_lines(
         else:
             assert f"{level.threshold:#.3g}" in text
             assert f"{level.ci_low:#.3g} to {level.ci_high:#.3g}" in text
-    for width, height in ((60, 24), (60, 16), (200, 60)):
-        small = drawn(session, width, height)
-        assert len(small) <= height
-        assert max(map(len, small)) <= width
-    few = "\n".join(drawn(session, 60, 16))
-    latest = next(level for level in session.levels if level.latest)
-    assert f"{latest.level[0]} {latest.level[1]:g}" in few
-    assert "more levels: a taller window shows them" in few
+    assert max(map(len, drawn(session, 60))) <= 60
+
+
+def test_of_several_kinds_of_ramp_the_levels_of_the_present_one_are_drawn() -> None:
+    design = dataclasses.replace(SMALL, ramp_durations=(0.5, 2.0), practice_trials=0)
+    session: Any = HandMade(1)
+    session._thresholds = ThresholdsSoFar(design)
+    trials = [trial for trial in answered(design, participants=1) if not trial.is_catch]
+    for trial in trials:
+        session._thresholds.take(trial)
+    last = trials[-1].duration
+    n = len({(t.screen, t.factor) for t in trials if t.duration != last})
+    text = "\n".join(drawn(session))
+    assert f"falling within {last:g} s; {n} levels of other ramps" in text
+    assert sum(line.startswith(("white", "gray")) for line in text.splitlines()) == len(session.levels) - n
 
 
 class Terminal(io.StringIO):
@@ -422,8 +403,10 @@ def test_without_a_terminal_a_long_session_is_told_in_lines(
         with live_view(session_of(lab), quiet) as show:
             show()
     (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"evenlight: {in_one_line(so_far(lab))}"
-    assert line.startswith("evenlight: ramp, participant 01, session 01, SIMULATED: 10 of 10 trials, ")
+    assert line == f"evenlight: {'; '.join(in_words(so_far(lab)))}"
+    assert line.startswith(
+        "evenlight: ramp, participant 01, session 01, SIMULATED; complete; 10 of 10 trials, 0 "
+    )
 
 
 def test_a_view_that_fails_says_so_once_and_the_session_goes_on(
