@@ -30,7 +30,7 @@ class CatalogueOptions:
     ]
     out: Annotated[
         Path,
-        output(help="Folder for a folder of results for each video, catalogue.csv, errors.csv, report.html."),
+        output(help="Folder for a folder of results for each video, catalogue.csv, report.html."),
     ]
     cluster: Annotated[str, cluster_option] = LOCAL
     quiet: QuietOption = False
@@ -40,7 +40,7 @@ def _catalogue(wanted: WantedOfAll, of: CatalogueOptions) -> None:
     """Find the brightness tracks of many videos, on all cores or on a cluster.
 
     Run again, it does only what is missing or has changed. A video that fails stops no other: exit code 1
-    then, and errors.csv says why.
+    then, and catalogue.csv says why.
     """
     from evenlight.analysis.catalogue.catalogue_report import Catalogue
     from evenlight.analysis.catalogue.catalogue_results import run_catalogue

@@ -36,23 +36,6 @@ class ControlledOptions(AimOptions, OneVideo, Analysed):
             "PID controller.",
         ),
     ] = None
-    proportional: Annotated[
-        float | None, expert(metavar="K_P", help="Proportional gain.", show_default="0.2")
-    ] = None
-    integral: Annotated[
-        float | None,
-        expert(metavar="K_I", help="Integral gain, per frame of --gain-rate.", show_default="0.01"),
-    ] = None
-    derivative: Annotated[
-        float | None,
-        expert(metavar="K_D", help="Derivative gain, per frame of --gain-rate.", show_default="0.05"),
-    ] = None
-    gain_rate: Annotated[
-        float | None,
-        expert(
-            metavar="HZ", help="Frame rate that the gains are for; 0: that of the video.", show_default="90"
-        ),
-    ] = None
     start_factor: Annotated[
         float | None,
         expert(
@@ -60,12 +43,6 @@ class ControlledOptions(AimOptions, OneVideo, Analysed):
             help="Brightness factor of the first frame. Otherwise the one at which it has the target loss.",
         ),
     ] = None
-
-    @property
-    def gains(self) -> dict[str, float]:
-        """The gains that are given, by name."""
-        names = ("proportional", "integral", "derivative", "gain_rate")
-        return {name: gain for name in names if (gain := getattr(self, name)) is not None}
 
 
 def _control(asked: ControlledOptions, on: DimmedOn) -> None:
@@ -144,8 +121,7 @@ def _settings(asked: ControlledOptions, min_factor: float) -> ControllerSettings
         raise InputError(
             f"{option(next(iter(gains)))} is for the PID controller; --lookahead does without: leave one"
         )
-    given = gains if asked.gain_rate != 0 else {**gains, "gain_rate": None}
-    return replace(ControllerSettings(asked.target_loss or 0.0, lowest_factor=min_factor), **given)
+    return ControllerSettings(asked.target_loss or 0.0, lowest_factor=min_factor, **gains)
 
 
 def _result_in_words(done: ControlResult) -> Iterator[str]:

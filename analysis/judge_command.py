@@ -28,7 +28,7 @@ def judge(
             "beside it."
         ),
     ],
-    out: Annotated[Path, output(help="Folder for judgement.json, the tables, a figure and report.html.")],
+    out: Annotated[Path, output(help="Folder for judgement.json, a figure and report.html.")],
     measure: Annotated[
         list[str] | None,
         asked(

@@ -6,10 +6,11 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from matplotlib.figure import Figure
 
+from evenlight.analysis.earlier_results import remove_stale
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.integrity.concern import Concern
 from evenlight.analysis.report import KeyFigure, Picture, Section
@@ -64,6 +65,7 @@ class Result(ABC):
     """
 
     __slots__ = ()
+    FORMER_FILES: ClassVar[tuple[str, ...]] = ()  # of earlier versions: they do not belong to newer files
 
     @property
     @abstractmethod
@@ -112,6 +114,7 @@ class Result(ABC):
         """Write its files into a folder, which is made if need be."""
         with results_folder(Path(folder)) as made:
             self.write(made)
+        remove_stale(Path(folder), self.FORMER_FILES, ())
 
     def __repr__(self) -> str:
         return f"<{self.heading}>\n{self.summary()}"

@@ -2,10 +2,10 @@
 
     python -m benchmarks.tune_gains film-online/loss_curves.npz --target-loss 0.03 --out tuning.json
 
-reads the loss curves that `evenlight control` or `evenlight optimize` wrote. A walk takes the gains from
-`--tuning tuning.json`, `evenlight control` from `--proportional`, `--integral` and `--derivative`. Gains are
-tuned for the fitted rate limit at each frame's mean luminance alone: not for another luminance that the limit
-may be about, and without allowances. How they are found: docs/decisions/controller-tuning.md.
+reads the loss curves that `evenlight control` or `evenlight optimize` wrote. `evenlight control`, and a walk
+with `evenlight play`, take the gains from `--proportional`, `--integral`, `--derivative` and `--gain-rate`.
+They are tuned for the fitted rate limit at each frame's mean luminance alone: not for another luminance that
+the limit may be about, and without allowances. How they are found: docs/decisions/controller-tuning.md.
 """
 
 from __future__ import annotations
@@ -20,15 +20,62 @@ import numpy as np
 
 from benchmarks.controller_tuning import MarginRequirements, Margins, content_slopes, rms_error, tune
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.quantities import count, described, quantity, record, share
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.control import LoopReport, TuningReport
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import ControlledTrack, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import scalar_rate_limit
+
+
+@record
+class LoopReport:
+    """Gains of the controller, how far its loop is from ringing, and what it does with the content."""
+
+    proportional: float = quantity("1", "proportional gain K_p", minimum=0.0)
+    integral: float = quantity("1", "integral gain K_i", minimum=0.0)
+    derivative: float = quantity("1", "derivative gain K_d", minimum=0.0)
+    stable_slope: float | None = quantity(
+        "1",
+        "slope of the loss over the factor up to which the loop is stable; null for gains of 0",
+        minimum=0.0,
+    )
+    gain_margin_db: float | None = quantity(
+        "dB", "gain margin in dB, at the slope of the content; null where there is none"
+    )
+    phase_margin: float | None = quantity(
+        "deg", "phase margin at the slope of the content; null where there is none"
+    )
+    sensitivity_peak: float | None = quantity(
+        "1", "largest amplification of a wave in the content's loss; null for an unstable loop"
+    )
+    sd_loss: float = quantity("1", "standard deviation of the loss over time", minimum=0.0)
+    rms_error: float = quantity("1", "root mean square of loss - target over time", minimum=0.0)
+    share_limited: float = share("share of the time in which the rate limit or a bound held the factor back")
+
+
+@record
+class TuningReport:
+    """Gains tuned on some content, with margins of stability: `tuning.json`."""
+
+    video: str = described("name of the video that the gains were tuned on")
+    target_loss: float = share("target c_r: contrast loss to hold")
+    gain_rate: float = quantity("Hz", "frame rate that the gains are for", above=0.0)
+    frame_rate: float = quantity("Hz", "frame rate of the video, which the margins are for", above=0.0)
+    quantile: float = share(
+        "quantile of the frames, by the steepest slope of their loss, that the margins are for"
+    )
+    slope: float = quantity("1", "slope of the loss at that quantile", above=0.0)
+    steepest_slope: float = quantity("1", "steepest slope of any frame", minimum=0.0)
+    least_gain_margin_db: float = quantity("dB", "least gain margin to be kept, in dB", minimum=0.0)
+    least_phase_margin: float = quantity("deg", "least phase margin to be kept", minimum=0.0)
+    before: LoopReport = described("the loop with the gains that were given")
+    after: LoopReport = described("the loop with the gains that were found")
+    tries: int = count("runs over the content that the search took")
+    provenance: Provenance = described("how the file was made")
 
 
 def tuning_report(curves: LossCurves, controller: Controller) -> TuningReport:

@@ -35,7 +35,6 @@ from evenlight.data_schema.recordings.played_power import (
     DeviceSaving,
     FrameEnergy,
     PlayedPower,
-    VersionPower,
 )
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS, SessionEvent, SessionManifest
@@ -58,7 +57,6 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.catalogue import (
     CatalogueEntry,
-    CatalogueError,
     CatalogueResult,
     CatalogueRow,
 )
@@ -66,9 +64,8 @@ from evenlight.data_schema.tracks.control import (
     ControlSummary,
     LiveControl,
     LiveRefresh,
-    TuningReport,
 )
-from evenlight.data_schema.tracks.judgement import Judgement, MeasureAgreement, MeasuredTrack
+from evenlight.data_schema.tracks.judgement import Judgement
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
@@ -200,7 +197,6 @@ KINDS = (
     RecordKind(FlashMark, _CSV, "flashes.csv", "`evenlight play --measure-power`"),
     RecordKind(BacklightSetting, _CSV, "backlight.csv", "`evenlight play --measure-power`"),
     RecordKind(FrameEnergy, _CSV, "frame_energy.csv", "`evenlight play --measure-power`"),
-    RecordKind(VersionPower, _CSV, "power_table.csv", "`evenlight play --measure-power`"),
     RecordKind(PlayedPower, _JSON, "played_power.json", "`evenlight play --measure-power`"),
     RecordKind(DevicePass, _CSV, "passes.csv", "`evenlight measure saving`"),
     RecordKind(DeviceSaving, _JSON, "saving.json", "`evenlight measure saving`"),
@@ -217,15 +213,11 @@ KINDS = (
     RecordKind(ViewingPlanRow, _CSV, "plan.csv", "`evenlight plan rating`, `comparison` and `search`"),
     RecordKind(CatalogueEntry, _CSV, "*.catalogue.csv", "someone who has many videos"),
     RecordKind(CatalogueRow, _CSV, "catalogue.csv", "`evenlight catalogue`"),
-    RecordKind(CatalogueError, _CSV, "errors.csv", "`evenlight catalogue`"),
     RecordKind(CatalogueResult, _JSON, "catalogue.json", "`evenlight catalogue`"),
     RecordKind(WeightSection, _CSV, "weights.csv *.weights.csv", "someone who knows the video"),
     RecordKind(AllowanceSection, _CSV, "allowances.csv *.allowances.csv", "someone who knows the video"),
     RecordKind(Judgement, _JSON, "judgement.json", "`evenlight judge`"),
-    RecordKind(MeasuredTrack, _CSV, "judgement.csv", "`evenlight judge`"),
-    RecordKind(MeasureAgreement, _CSV, "agreement.csv", "`evenlight judge`"),
     RecordKind(ControlSummary, _JSON, "control.json", "`evenlight control`"),
-    RecordKind(TuningReport, _JSON, "tuning.json", "`python -m benchmarks.tune_gains`"),
     RecordKind(
         LiveRefresh, _CSV, "live_control.csv", "`evenlight play --walk` with `--target-loss` or `--budget`"
     ),

@@ -72,7 +72,10 @@ RIGHT_NAMES = {
     "battery": "battery_wh",
 }
 # Options of earlier versions, and why they are gone.
-GONE = {"tolerance": "it is gone: every frame is counted whole"}
+GONE = {
+    "tolerance": "it is gone: every frame is counted whole",
+    "tuning": "it is gone: give its gains by --proportional, --integral, --derivative, --gain-rate",
+}
 
 # What an option or argument takes, and what completes it, by its name; a command may say otherwise.
 METAVARS = {

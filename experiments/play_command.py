@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 
 from evenlight.experiments.playback.play_options import (
+    GAINS,
     HeadsetOptions,
     LiveOptions,
     PowerOptions,
@@ -80,7 +81,7 @@ def _walk(
     refuse(for_videos, screen, "track", "other_geometry_ok")
     if not live.dims:
         words = "{} is for walks that are dimmed online: give it with --target-loss"
-        refuse(words, live, "rate_limit", "device", "limit_curve", "accept_wide_band", "tuning")
+        refuse(words, live, "rate_limit", "device", "limit_curve", "accept_wide_band", *GAINS)
         refuse(for_videos, screen, "other_display_ok")
     refuse(for_videos, power)
     refuse(for_videos, video, "version", "loop", "label")

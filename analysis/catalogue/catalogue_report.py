@@ -6,14 +6,15 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from evenlight.analysis import figure_style as style
-from evenlight.analysis.catalogue.entries import CATALOGUE, ERRORS, FIGURE, REPORT
+from evenlight.analysis.catalogue.entries import CATALOGUE, FIGURE, REPORT
+from evenlight.analysis.earlier_results import remove_stale
 from evenlight.analysis.player.player_page import PLAYER
 from evenlight.analysis.report import Card, KeyFigure, Picture, Report, Section, Table, write_report
 from evenlight.analysis.report_sections import CLAIM, provenance_section
@@ -26,7 +27,7 @@ from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.whole_files import results_folder, write_whole
-from evenlight.data_schema.tracks.catalogue import CatalogueError, CatalogueRow
+from evenlight.data_schema.tracks.catalogue import CatalogueRow
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -55,6 +56,7 @@ CAPTION = (
 class Catalogue(Result):
     """What came of the videos of a catalogue."""
 
+    FORMER_FILES: ClassVar = ("errors.csv",)
     rows: tuple[CatalogueRow, ...]  # of each video
     out: Path  # where the folders of the results are: a gallery shows those that are there
 
@@ -88,8 +90,10 @@ class Catalogue(Result):
             of = f"of {len(saved)} video{'s' * (len(saved) > 1)}"
             cards.append(KeyFigure(f"{100 * np.median(saved):.0f} %", "of power saved, median", of))
         if failed:
-            words += f". {failed} failed: {ERRORS} says why"
-            cards.append(KeyFigure(f"{failed} of {count}", "videos failed", f"{ERRORS} says why", warns=True))
+            words += f". {failed} failed: {CATALOGUE} says why"
+            cards.append(
+                KeyFigure(f"{failed} of {count}", "videos failed", f"{CATALOGUE} says why", warns=True)
+            )
         return f"{words}.", tuple(cards)
 
     @property
@@ -107,12 +111,11 @@ class Catalogue(Result):
         """Write its files into a folder, which is made if need be; the gallery leads from there to `out`."""
         with results_folder(Path(folder)) as made:
             self.write(made, Path(folder))
+        remove_stale(Path(folder), self.FORMER_FILES, ())
 
     def write(self, folder: Path, place: Path | None = None) -> None:
-        """Write `catalogue.csv`, `errors.csv`, `catalogue.png`, `report.html`, which then go to `place`."""
-        failed = [CatalogueError(row.name, row.video, row.error) for row in self.rows if row.error]
+        """Write `catalogue.csv`, `catalogue.png`, `report.html`, which then go to `place`."""
         write_rows(folder / CATALOGUE, CatalogueRow, self.rows)
-        write_rows(folder / ERRORS, CatalogueError, failed)
         caption = "Difference of loss between two frames, and power saved, of each video."
         pictures = tuple(Picture(style.png_bytes(figure), caption) for figure in self.figures.values())
         for picture in pictures:
@@ -120,7 +123,7 @@ class Catalogue(Result):
         lead, key_figures = self.first_lines
         sections = (
             *([_overview(self.made, pictures)] if self.made else []),
-            *_failures(failed),
+            *_failures([row for row in self.rows if row.error]),
             *_gallery(self.made, self.out, place or folder),
             provenance_section({"catalogue": provenance_now()}),
         )
@@ -206,7 +209,7 @@ def _of(some: int, every: int) -> str:
     return f", {some} of {every}" if some < every else ""
 
 
-def _failures(failed: Sequence[CatalogueError]) -> list[Section]:
+def _failures(failed: Sequence[CatalogueRow]) -> list[Section]:
     shown = failed[:SHOWN]
     rows = tuple((one.name, one.error) for one in shown)
     table = Table(f"Videos without a track{_of(len(shown), len(failed))}.", ("video", "why"), rows)

@@ -19,7 +19,7 @@ from evenlight.stimuli.sequences import is_sequence
 from evenlight.stimuli.video.video_locations import is_url, shown_name, videos_at
 
 CURVES = ".npz"
-CATALOGUE, ERRORS, FIGURE, REPORT = "catalogue.csv", "errors.csv", "catalogue.png", "report.html"
+CATALOGUE, FIGURE, REPORT = "catalogue.csv", "catalogue.png", "report.html"
 OWN_FILES = ("weights", "allowances")
 PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
 # The columns of a table that are fields of a request; what is new there needs no word here.
@@ -27,7 +27,7 @@ OWN_OPTIONS = {field.name for field in fields(CatalogueEntry)} & {
     field.name for field in fields(TrackRequest)
 }
 OWN_OPTIONS -= {*OWN_FILES, *PRESETS_OR_FILES}
-RESERVED = (CATALOGUE, ERRORS, FIGURE, REPORT)  # beside the folders of results
+RESERVED = (CATALOGUE, FIGURE, REPORT)  # beside the folders of results
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +25,6 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
 from evenlight.data_schema.provenance import provenance_now
-from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import require_display_of
@@ -157,6 +156,7 @@ class JudgedTrack(Result):
         All numbers.
     """
 
+    FORMER_FILES: ClassVar = ("judgement.csv", "agreement.csv")
     judgement: Judgement
 
     @property
@@ -193,17 +193,15 @@ class JudgedTrack(Result):
         return {"judgement": judgement_figure(self.judgement)}
 
     def to_frame(self) -> pd.DataFrame:
-        """Return what each measure says, a row each: the columns of `judgement.csv`."""
+        """Return what each measure says, a row each: `measured` in `judgement.json`."""
         import pandas as pd
 
         return pd.DataFrame([mapping_from_record(one) for one in self.judgement.measured])
 
     def write(self, folder: Path) -> None:
-        """Write `judgement.json`, `judgement.csv`, `agreement.csv`, `judgement.png` and `report.html`."""
+        """Write `judgement.json`, `judgement.png` and `report.html`."""
         own, picture = self.judgement, style.png_bytes(judgement_figure(self.judgement))
         write_json_record(folder / "judgement.json", own)
-        write_rows(folder / "judgement.csv", MeasuredTrack, own.measured)
-        write_rows(folder / "agreement.csv", MeasureAgreement, own.agreements)
         write_whole(folder / "judgement.png", picture)
         write_report(folder / "report.html", self.report(picture))
 

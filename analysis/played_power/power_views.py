@@ -6,7 +6,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +32,7 @@ from evenlight.analysis.results import Result
 from evenlight.analysis.wording import sentence
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.mapping import mapping_from_record
-from evenlight.data_schema.recordings.played_power import FrameEnergy, FrameFlag, PlayedPower, VersionPower
+from evenlight.data_schema.recordings.played_power import FrameEnergy, FrameFlag, PlayedPower
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import write_whole
@@ -41,11 +41,10 @@ if TYPE_CHECKING:
     import pandas as pd
 
 COLOURS = {"baseline": BASELINE, "ours": OURS, "full": MUTED}
-PLAYED_POWER, POWER_TABLE, FRAME_ENERGIES = "played_power.json", "power_table.csv", "frame_energy.csv"
+PLAYED_POWER, FRAME_ENERGIES = "played_power.json", "frame_energy.csv"
 FIGURE, REPORT = "power.png", "report.html"
 FILES = {
-    PLAYED_POWER: "all of it, for programs",
-    POWER_TABLE: "the table of this page: a row for each version",
+    PLAYED_POWER: "all of it, for programs: the tables of this page, passes, clock",
     FRAME_ENERGIES: "energy of each frame shown",
     FIGURE: "the figure of this page",
 }
@@ -65,6 +64,7 @@ class MeasuredPower(Result):
         Passes, versions and clock; and the frames.
     """
 
+    FORMER_FILES: ClassVar = ("power_table.csv",)
     power: PlayedPower
     energies: Sequence[FrameEnergy]
 
@@ -95,15 +95,14 @@ class MeasuredPower(Result):
         return prose("power_lines", power=self.power, clock=clock, names=NAMES, mw=_mw)
 
     def to_frame(self) -> pd.DataFrame:
-        """Return what was measured of each version: the columns of `power_table.csv`."""
+        """Return what was measured of each version: `versions` in `played_power.json`."""
         import pandas as pd
 
         return pd.DataFrame([mapping_from_record(one) for one in self.power.versions])
 
     def write(self, folder: Path) -> None:
-        """Write table, energies, figure and report."""
+        """Write numbers, energies of frames, figure and report."""
         write_json_record(folder / PLAYED_POWER, self.power)
-        write_rows(folder / POWER_TABLE, VersionPower, self.power.versions)
         write_rows(folder / FRAME_ENERGIES, FrameEnergy, self.energies)
         caption = prose("power_caption", power=self.power)[0]
         picture = Picture(png_bytes(self.figures["power"]), caption)

@@ -144,7 +144,7 @@ class PassPower:
 
 @record
 class VersionPower:
-    """Measured average power of a version of a video, a row of `power_table.csv`.
+    """Measured average power of a version of a video.
 
     Intervals are of 95 %, from Student's t over passes; None without repetitions. What a version saves is
     freed from the drift that all versions share.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import field
 
-from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
+from evenlight.data_schema.quantities import count, described, quantity, record, share
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -121,15 +121,6 @@ OF_SUMMARY = (
     "mean_power",
     "full_power",
 )
-
-
-@record
-class CatalogueError:
-    """A video of a catalogue that failed; a row of `errors.csv`."""
-
-    name: str = as_in(CatalogueRow, "name")
-    video: str = as_in(CatalogueRow, "video")
-    error: str = described("why there is no result")
 
 
 @record

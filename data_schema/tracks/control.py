@@ -1,4 +1,4 @@
-"""What the online controller did, with a video or live in a walk: settings, steadiness, tuned gains."""
+"""What the online controller did, with a video or live in a walk: settings and steadiness."""
 
 from __future__ import annotations
 
@@ -9,53 +9,6 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 ONLINE, LOOKAHEAD = "pid", "lookahead"  # the solvers of tracks that were not planned as a whole
-
-
-@record
-class LoopReport:
-    """Gains of the controller, how far its loop is from ringing, and what it does with the content."""
-
-    proportional: float = quantity("1", "proportional gain K_p", minimum=0.0)
-    integral: float = quantity("1", "integral gain K_i", minimum=0.0)
-    derivative: float = quantity("1", "derivative gain K_d", minimum=0.0)
-    stable_slope: float | None = quantity(
-        "1",
-        "slope of the loss over the factor up to which the loop is stable; null for gains of 0",
-        minimum=0.0,
-    )
-    gain_margin_db: float | None = quantity(
-        "dB", "gain margin in dB, at the slope of the content; null where there is none"
-    )
-    phase_margin: float | None = quantity(
-        "deg", "phase margin at the slope of the content; null where there is none"
-    )
-    sensitivity_peak: float | None = quantity(
-        "1", "largest amplification of a wave in the content's loss; null for an unstable loop"
-    )
-    sd_loss: float = quantity("1", "standard deviation of the loss over time", minimum=0.0)
-    rms_error: float = quantity("1", "root mean square of loss - target over time", minimum=0.0)
-    share_limited: float = share("share of the time in which the rate limit or a bound held the factor back")
-
-
-@record
-class TuningReport:
-    """Gains tuned on some content, with margins of stability; the file `tuning.json`."""
-
-    video: str = described("name of the video that the gains were tuned on")
-    target_loss: float = share("target c_r: contrast loss to hold")
-    gain_rate: float = quantity("Hz", "frame rate that the gains are for", above=0.0)
-    frame_rate: float = quantity("Hz", "frame rate of the video, which the margins are for", above=0.0)
-    quantile: float = share(
-        "quantile of the frames, by the steepest slope of their loss, that the margins are for"
-    )
-    slope: float = quantity("1", "slope of the loss at that quantile", above=0.0)
-    steepest_slope: float = quantity("1", "steepest slope of any frame", minimum=0.0)
-    least_gain_margin_db: float = quantity("dB", "least gain margin to be kept, in dB", minimum=0.0)
-    least_phase_margin: float = quantity("deg", "least phase margin to be kept", minimum=0.0)
-    before: LoopReport = described("the loop with the gains that were given")
-    after: LoopReport = described("the loop with the gains that were found")
-    tries: int = count("runs over the content that the search took")
-    provenance: Provenance = described("how the file was made")
 
 
 @record
@@ -75,11 +28,11 @@ class ControlSummary:
     )
     start_factor: float = share("brightness factor of the first frame", above=0.0)
     mean_loss: float = share("mean contrast loss over time")
-    sd_loss: float = as_in(LoopReport, "sd_loss")
+    sd_loss: float = quantity("1", "standard deviation of the loss over time", minimum=0.0)
     sd_loss_constant: float = quantity("1", "the same, for constant dimming by mean_factor", minimum=0.0)
     mean_factor: float = share("mean brightness factor over time", above=0.0)
     mean_power: float = quantity("W", "mean power over time", minimum=0.0)
-    share_limited: float = as_in(LoopReport, "share_limited")
+    share_limited: float = share("share of the time in which the rate limit or a bound held the factor back")
     provenance: Provenance = described("how the file was made")
     budget: float | None = quantity(
         "1", "the governor's budget, in budget_unit; null without a governor", above=0.0, default=None
@@ -175,9 +128,9 @@ class LiveControl:
         "target c_r: contrast loss to hold, with a budget at the beginning; null if no loss "
         "was measured to set it"
     )
-    proportional: float = as_in(LoopReport, "proportional")
-    integral: float = as_in(LoopReport, "integral")
-    derivative: float = as_in(LoopReport, "derivative")
+    proportional: float = quantity("1", "proportional gain K_p", minimum=0.0)
+    integral: float = as_in(ControlSummary, "integral")
+    derivative: float = as_in(ControlSummary, "derivative")
     gain_rate: float | None = quantity(
         "Hz", "frame rate that the gains are for; null: the display's", above=0.0
     )

@@ -10,7 +10,7 @@ from evenlight.data_schema.tracks.optimization_summary import OptimizationSummar
 
 @record
 class MeasuredTrack:
-    """What one measure says of a track and of constant dimming at equal power; a row of `judgement.csv`."""
+    """What one measure says of a track and of constant dimming at equal power."""
 
     measure: str = described("name of the measure")
     spread: float = quantity(
@@ -30,7 +30,7 @@ class MeasuredTrack:
 
 @record
 class MeasureAgreement:
-    """Whether two measures put the frames in one order at constant dimming; a row of `agreement.csv`."""
+    """Whether two measures put the frames in one order at constant dimming."""
 
     first: str = described("name of a measure")
     second: str = described("name of another")

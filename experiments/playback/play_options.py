@@ -23,6 +23,7 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import Device, LimitCurve
 from evenlight.option_panels import asked, expert, output, viewing
 
+GAINS = ("proportional", "integral", "derivative", "gain_rate")
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 Returned = TypeVar("Returned")
 _video = functools.partial(typer.Option, rich_help_panel="A video with its track")
@@ -238,6 +239,31 @@ class AimOptions:
     horizon: Annotated[
         float | None, asked(help="Time over which the mean is to meet the budget.", show_default="60")
     ] = None
+    proportional: Annotated[
+        float | None, expert(metavar="K_P", help="Proportional gain.", show_default="0.2")
+    ] = None
+    integral: Annotated[
+        float | None,
+        expert(metavar="K_I", help="Integral gain, per frame of --gain-rate.", show_default="0.01"),
+    ] = None
+    derivative: Annotated[
+        float | None,
+        expert(metavar="K_D", help="Derivative gain, per frame of --gain-rate.", show_default="0.05"),
+    ] = None
+    gain_rate: Annotated[
+        float | None,
+        expert(
+            metavar="HZ",
+            help="Frame rate that the gains are for; 0: that of the video or the display.",
+            show_default="90",
+        ),
+    ] = None
+
+    @property
+    def gains(self) -> dict[str, Any]:
+        """The gains that are given, by name; a rate of 0 is None."""
+        given = {name: gain for name in GAINS if (gain := getattr(self, name)) is not None}
+        return given | ({"gain_rate": None} if self.gain_rate == 0 else {})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -261,7 +287,6 @@ class LiveOptions(AimOptions):
     accept_wide_band: Annotated[
         bool, expert("--accept-wide-band", help="Use a rate limit even if it is known too imprecisely.")
     ] = False
-    tuning: Annotated[Path | None, expert(help="Gains of the controller: a tuning.json.")] = None
 
     @property
     def dims(self) -> bool:

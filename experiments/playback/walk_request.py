@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.control import LiveRefresh, TuningReport
+from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer
 from evenlight.experiments.playback.headset_walk import HeadsetWalk
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor
@@ -92,7 +93,7 @@ class LiveRequest:
     target_loss: float | None = None
     rate_limit: str = RATE_LIMIT  # a preset or a file
     limit_curve: LimitCurve = LimitCurve.FITTED  # the fitted curve, or the lower edge of its band
-    tuning: Path | None = None  # a `tuning.json` whose gains are taken; None for the paper's
+    gains: Mapping[str, Any] = field(default_factory=dict)  # of the controller; otherwise the paper's
     device: Device = Device.AUTO  # what measures the loss
     out: Path | None = None  # folder for the log
     other_display_ok: bool = False  # whether the rate limit may be of another display
@@ -125,7 +126,7 @@ class LiveRequest:
     def controller(self, display: Display) -> Controller:
         """Return the controller, on some display."""
         limit = scalar_rate_limit(self.limit_on(display), display.reflected_luminance, self.limit_curve)
-        return Controller(settings_of(self.target_loss or 0.0, self.tuning), limit)
+        return Controller(ControllerSettings(self.target_loss or 0.0, **self.gains), limit)
 
     def governor(self, display: Display, controller: Controller) -> LiveGovernor | None:
         """Return what moves the target of a controller, if there is a budget, and it can be met."""
@@ -135,20 +136,6 @@ class LiveRequest:
         request = Request(asked.budget, asked.budget_unit, model, self.limit_on(display), self.limit_curve)
         require_possible(request, controller.settings.lowest_factor)
         return LiveGovernor(self.budget, controller, self.target_loss)
-
-
-def settings_of(target_loss: float, tuning: Path | None) -> ControllerSettings:
-    """Return the controller's settings: the paper's gains, or those of a `tuning.json`."""
-    if tuning is None:
-        return ControllerSettings(target_loss)
-    tuned = read_json_record(TuningReport, tuning)
-    return ControllerSettings(
-        target_loss,
-        proportional=tuned.after.proportional,
-        integral=tuned.after.integral,
-        derivative=tuned.after.derivative,
-        gain_rate=tuned.gain_rate,
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -218,7 +205,7 @@ def asked_walk(
         target_loss=live.target_loss,
         rate_limit=live.rate_limit or RATE_LIMIT,
         limit_curve=live.limit_curve or LimitCurve.FITTED,
-        tuning=live.tuning,
+        gains=live.gains,
         device=live.device or Device.AUTO,
         out=screen.out,
         other_display_ok=screen.other_display_ok,

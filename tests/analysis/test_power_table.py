@@ -22,7 +22,6 @@ from evenlight.data_schema.recordings.played_power import (
     FrameEnergy,
     FrameFlag,
     PlayedPower,
-    VersionPower,
 )
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
@@ -79,7 +78,6 @@ def test_mean_powers_are_those_of_the_truth(truth: Truth) -> None:
 def test_every_file_is_written_and_read_back(results: tuple[Path, list[str]]) -> None:
     folder, lines = results
     power = read_json_record(PlayedPower, folder / "played_power.json")
-    assert read_rows(VersionPower, folder / "power_table.csv") == list(power.versions)
     frames = read_rows(FrameEnergy, folder / "frame_energy.csv")
     assert len(frames) == 6 * 60
     assert (folder / "power.png").read_bytes().startswith(b"\x89PNG")

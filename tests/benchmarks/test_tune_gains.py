@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from benchmarks.tune_gains import main
+from benchmarks.tune_gains import TuningReport, main
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.data_schema.tracks.control import TuningReport
 from evenlight.data_schema.tracks.loss_curves import write_loss_curves
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings

@@ -19,7 +19,6 @@ from evenlight.experiments.playback.walk_request import (
     WalkRequest,
     budget_asked,
     live_control,
-    settings_of,
     with_budget,
 )
 from evenlight.method.choices import LimitCurve
@@ -222,7 +221,7 @@ def test_exact_black_is_walked_through_and_recorded(base: float, unit: BudgetUni
 def recorded(budget: LiveBudget, rows: list[LiveRefresh]) -> LiveControl:
     limit = load_rate_limit("surace2025"), LimitCurve.FITTED
     seen = "house", load_display("varjo-xr3"), "cpu"
-    return with_budget(live_control(settings_of(0.0, None), limit, seen, rows, simulated=True), budget, rows)
+    return with_budget(live_control(ControllerSettings(0.0), limit, seen, rows, simulated=True), budget, rows)
 
 
 def test_a_horizon_of_too_few_answers_is_told_and_recorded() -> None:
@@ -311,7 +310,7 @@ def test_the_record_says_what_the_budget_was_and_how_it_was_met() -> None:
         ("house", load_display("varjo-xr3"), "cpu"),
     )
     rows = [a_row(k, float(k), 0.5, 1.0, 2.0) for k in range(5)]
-    plain = live_control(settings_of(0.0, None), limit, seen, rows, simulated=True)
+    plain = live_control(ControllerSettings(0.0), limit, seen, rows, simulated=True)
     kept = with_budget(plain, asked(0.75, BudgetUnit.WATT, 2.0, OLED), rows)
     assert (kept.budget, kept.budget_unit, kept.horizon) == (0.75, BudgetUnit.WATT, 2.0)
     assert (kept.target_loss, kept.final_target_loss) == (0.1, 0.14)

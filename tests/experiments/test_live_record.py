@@ -1,40 +1,27 @@
 """What is kept of a dimmed walk, and gains that were tuned elsewhere."""
 
-from pathlib import Path
-
 import pytest
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.control import LiveRefresh, LoopReport, TuningReport
+from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_record import live_control
+from evenlight.experiments.playback.play_options import LiveOptions
 from evenlight.experiments.playback.walk import WalkResult, between_answers, over_time, walk_summary
-from evenlight.experiments.playback.walk_request import settings_of
+from evenlight.experiments.playback.walk_request import LiveRequest
 from evenlight.method.choices import LimitCurve
+from evenlight.method.online.controller import ControllerSettings
 from evenlight.method.preset_files import load_rate_limit
 
 BENCH = Display("bench", 104.4, 0.2, 1.95, 72.28)
 
 
-def a_loop(proportional: float) -> LoopReport:
-    return LoopReport(proportional, 0.02, 0.0, 2.0, 9.0, 100.0, 1.5, 0.01, 0.01, 0.5)
-
-
-def test_gains_that_were_tuned_are_those_of_the_walk_with_their_frame_rate(tmp_path: Path) -> None:
-    report = TuningReport(
-        "v", 0.1, 45.0, 25.0, 0.99, 0.4, 0.5, 6.0, 45.0, a_loop(0.2), a_loop(0.7), 3, Provenance()
-    )
-    write_json_record(tmp_path / "tuning.json", report)
-    settings = settings_of(0.03, tmp_path / "tuning.json")
-    assert (settings.proportional, settings.integral, settings.derivative) == (0.7, 0.02, 0.0)
-    assert (settings.gain_rate, settings.target_loss) == (45.0, 0.03)  # the target is the walk's own
-
-
-def test_a_tuning_that_is_none_is_told(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nope\.json: no such file; expected a TuningReport"):
-        settings_of(0.03, tmp_path / "nope.json")
+def test_gains_are_those_that_are_asked_for_with_their_frame_rate() -> None:
+    """A rate of 0 leaves the gains to the display's refreshes; what is not given is as in the paper."""
+    asked = LiveOptions(target_loss=0.03, proportional=0.7, integral=0.02, gain_rate=45.0)
+    settings = LiveRequest(0.03, gains=asked.gains).controller(BENCH).settings
+    assert (settings.proportional, settings.integral, settings.derivative) == (0.7, 0.02, 0.05)
+    assert (settings.gain_rate, settings.target_loss) == (45.0, 0.03)
+    assert LiveOptions(target_loss=0.03, gain_rate=0.0).gains == {"gain_rate": None}
 
 
 def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
@@ -46,7 +33,7 @@ def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
         LiveRefresh(3, 6.0, 1.0, contrast_loss=1.0, rate=0.0, rate_limit=0.0),
     ]
     limit = load_rate_limit("surace2025"), LimitCurve.SAFE
-    kept = live_control(settings_of(0.03, None), limit, ("house", BENCH, "cpu"), rows, simulated=True)
+    kept = live_control(ControllerSettings(0.03), limit, ("house", BENCH, "cpu"), rows, simulated=True)
     assert kept.mean_loss == pytest.approx(0.8 / 5)
     assert kept.mean_factor == pytest.approx(3.8 / 6)
     assert kept.max_rate_ratio == 0.75
@@ -56,7 +43,7 @@ def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
 
 def test_a_walk_that_ended_at_once_has_no_means() -> None:
     limit = load_rate_limit("surace2025"), LimitCurve.FITTED
-    kept = live_control(settings_of(0.03, None), limit, ("house", BENCH, "cpu"), [], simulated=False)
+    kept = live_control(ControllerSettings(0.03), limit, ("house", BENCH, "cpu"), [], simulated=False)
     assert (kept.mean_loss, kept.mean_factor, kept.max_rate_ratio) == (None, None, None)
 
 

@@ -16,8 +16,6 @@ from evenlight.analysis.catalogue import catalogue_results
 from evenlight.analysis.catalogue.entries import videos_of
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.command import main
-from evenlight.data_schema.storage.tables import read_rows
-from evenlight.data_schema.tracks.catalogue import CatalogueError
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves, write_loss_curves
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
@@ -72,10 +70,13 @@ def catalogued(made, films, tmp_path):
 def test_one_bad_video_stops_no_other(catalogue, films, tmp_path):
     (films / "broken.mp4").write_bytes(b"no video")
     (films / "empty.mkv").touch()
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "errors.csv").touch()  # of an earlier version: it would name other videos
     ended = catalogue(films)
+    assert not (tmp_path / "out" / "errors.csv").exists()
     assert ended.code == 1
     assert ended.err == ""
-    errors = {one.name: one.error for one in read_rows(CatalogueError, tmp_path / "out" / "errors.csv")}
+    errors = {name: row.error for name, row in rows_of(tmp_path / "out").items() if row.error}
     assert list(errors) == ["broken", "empty"]
     assert "FFmpeg finds no video in" in errors["broken"]
     assert "is empty" in errors["empty"]
@@ -93,8 +94,8 @@ def test_a_defect_is_told_and_stops_no_other(catalogue, films, tmp_path, monkeyp
 
     monkeypatch.setattr(catalogue_results, "run_optimization", breaks_at_b)
     assert catalogue(films).code == 1
-    [error] = read_rows(CatalogueError, tmp_path / "out" / "errors.csv")
-    assert error.error == f"{catalogue_results.DEFECT}: ZeroDivisionError: by hand in two lines"
+    [error] = [row.error for row in rows_of(tmp_path / "out").values() if row.error]
+    assert error == f"{catalogue_results.DEFECT}: ZeroDivisionError: by hand in two lines"
     assert not (tmp_path / "out" / "b").exists()
     assert not list((tmp_path / "out").glob(".partial-*"))
 

@@ -1,6 +1,5 @@
 """`evenlight judge`: what it writes of a track, and what it refuses."""
 
-import csv
 import json
 import tomllib
 
@@ -42,9 +41,8 @@ def judged(tmp_path_factory):
     return clip, folder / "track"
 
 
-def rows(path):
-    with path.open() as file:
-        return list(csv.DictReader(file))
+def told(folder):
+    return json.loads((folder / "judgement.json").read_text())
 
 
 def refused(command, tmp_path, *arguments):
@@ -57,16 +55,20 @@ def refused(command, tmp_path, *arguments):
 
 def test_the_default_measure_says_what_the_optimizer_said(command, tmp_path, judged) -> None:
     clip, track = judged
+    (tmp_path / "out").mkdir()
+    for former in ("judgement.csv", "agreement.csv"):  # of an earlier version: the new numbers are others
+        (tmp_path / "out" / former).touch()
     measures = ("--measure", "relative", "--measure", "castle")
     result = command("judge", clip, track, "--out", tmp_path / "out", "--no-modulation", *measures)
     assert result.code == 0, result.err
+    assert not list((tmp_path / "out").glob("*.csv"))
     summary = json.loads((track / "summary.json").read_text())
-    relative, castle = rows(tmp_path / "out" / "judgement.csv")
+    relative, castle = told(tmp_path / "out")["measured"]
     asked = tomllib.loads((tmp_path / "out" / "request.toml").read_text())["asked"]
     assert (asked["measure"], asked["modulation"], asked["jobs"]) == (["relative", "castle"], False, 1)
-    assert float(relative["spread"]) == pytest.approx(summary["objective"], rel=1e-9)
-    assert float(relative["spread_constant"]) == pytest.approx(summary["objective_baseline"], rel=1e-9)
-    assert float(relative["mean_loss"]) == pytest.approx(summary["mean_contrast_loss"], rel=1e-9)
+    assert relative["spread"] == pytest.approx(summary["objective"], rel=1e-9)
+    assert relative["spread_constant"] == pytest.approx(summary["objective_baseline"], rel=1e-9)
+    assert relative["mean_loss"] == pytest.approx(summary["mean_contrast_loss"], rel=1e-9)
     factors, panel = read_track(track / "track.csv").factors, load_display("varjo-xr3")
     by_definition = ContrastModel(sensitivity=SensitivityModel.CASTLE)
     defined = [
@@ -74,7 +76,7 @@ def test_the_default_measure_says_what_the_optimizer_said(command, tmp_path, jud
         for pixels, b in zip(frames_of(DARK_TO_BRIGHT), factors, strict=True)
     ]
     # Between knots the curve is a straight line: a frame of 48 x 36 pixels loses one of them at a time.
-    assert float(castle["mean_loss"]) == pytest.approx(np.mean(defined), abs=2e-3)
+    assert castle["mean_loss"] == pytest.approx(np.mean(defined), abs=2e-3)
     assert command("validate", tmp_path / "out").code == 0
     assert "docs/validity.md" in (tmp_path / "out" / "report.html").read_text()
 
@@ -83,11 +85,11 @@ def test_all_measures_are_asked_unless_some_are_named(command, tmp_path, judged)
     clip, track = judged
     result = command("judge", clip, track / "track.csv", "--out", tmp_path / "out", "--no-modulation")
     assert result.code == 0, result.err
-    told = json.loads((tmp_path / "out" / "judgement.json").read_text())
-    names = [one["measure"] for one in told["measured"]]
+    found = told(tmp_path / "out")
+    names = [one["measure"] for one in found["measured"]]
     assert names == ["relative", "soft", "castle", "absolute", "suprathreshold"]
-    assert len(rows(tmp_path / "out" / "agreement.csv")) == 5 * 4 / 2
-    assert told["modulation_note"] == "Left out by --no-modulation"
+    assert len(found["agreements"]) == 5 * 4 / 2
+    assert found["modulation_note"] == "Left out by --no-modulation"
 
 
 def test_curves_that_were_kept_are_used_unless_the_track_goes_below_them(
@@ -106,11 +108,8 @@ def test_curves_that_were_kept_are_used_unless_the_track_goes_below_them(
         for k, of in enumerate([track, track, low])
     ]
     assert ["loss curves of an earlier run" in words for words in said] == [False, True, False]
-    (found,), summary = (
-        rows(tmp_path / "out2" / "judgement.csv"),
-        json.loads((low / "summary.json").read_text()),
-    )
-    assert float(found["spread"]) == pytest.approx(summary["objective"], abs=2e-3)
+    [found], summary = told(tmp_path / "out2")["measured"], json.loads((low / "summary.json").read_text())
+    assert found["spread"] == pytest.approx(summary["objective"], abs=2e-3)
 
 
 def test_the_script_of_the_validity_page_evaluates_single_frames(judged) -> None:
