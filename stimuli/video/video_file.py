@@ -5,7 +5,6 @@ Decoders report damage, where by default they would guess the picture.
 
 from __future__ import annotations
 
-import io
 import itertools
 import math
 from collections.abc import Iterator, Sequence
@@ -23,9 +22,9 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.colour_planes import PixelReader
+from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.packets import REMEDY, timeline_of
 from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
@@ -49,7 +48,7 @@ FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width w
 
 @dataclass(frozen=True, slots=True)
 class VideoFile:
-    """A video file whose packets have been read once, without decoding them.
+    """A video file that has been read once, for its packets and its SHA-256, without decoding it.
 
     Attributes
     ----------
@@ -57,6 +56,8 @@ class VideoFile:
         The file, here or at a URL.
     timeline : FrameTimes
         When its frames appear.
+    content : str
+        SHA-256 of its bytes.
     pixel_aspect : Fraction
         Width of the file's pixels over their height; its frames come in square ones.
     field_of_view : float or None
@@ -67,10 +68,14 @@ class VideoFile:
 
     path: VideoPath
     timeline: FrameTimes
+    content: str
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
     stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
-    _known_sha256: list[str] = field(default_factory=list, init=False, compare=False, repr=False)
+    # Of pictures that were decoded: how their planes give their light (`PixelReader`).
+    _planes: dict[object, tuple[bool, bool] | None] = field(
+        default_factory=dict, init=False, compare=False, repr=False
+    )
 
     @property
     def name(self) -> str:
@@ -83,11 +88,8 @@ class VideoFile:
         return self.timeline.shown
 
     def sha256(self) -> str:
-        """Return the SHA-256 of the file, which is read for it once."""
-        if not self._known_sha256:
-            path = self.path
-            self._known_sha256.append(path.sha256() if isinstance(path, RemoteFile) else sha256_of_file(path))
-        return self._known_sha256[0]
+        """Return the SHA-256 of the file."""
+        return self.content
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in the order of their presentation, one at a time.
@@ -116,7 +118,7 @@ class VideoFile:
 
     def _frames_from(self, first: int) -> Iterator[Frame]:
         times, durations = self.timeline.times, self.timeline.durations
-        reader, shape = PixelReader(self.pixel_aspect), None
+        reader, shape = PixelReader(self.pixel_aspect, self._planes), None
         for k, picture in self.pictures(first):
             try:
                 pixels = reader.pixels(picture)
@@ -221,17 +223,15 @@ def open_video_file(path: VideoPath) -> VideoFile:
     InputError
         If it is no video, ends before its time, or its pixels or its field of view cannot be.
     """
-    try:
-        size = path.size() if isinstance(path, RemoteFile) else path.stat().st_size
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}; {SUPPORTED}") from error
-    if size == 0:
-        raise InputError(f"{path} is empty; {SUPPORTED}")
-    with opened_container(path) as container:
-        stream = video_stream_of(path, container)
-        aspect = pixel_aspect_of(path, stream)
-        timeline, stamps = timeline_of(path, container, stream)
-        return VideoFile(path, timeline, aspect, _field_of_view(path, container), stamps)
+    with FilmBytes(path) as content:
+        if content.size == 0:
+            raise InputError(f"{path} is empty; {SUPPORTED}")
+        with opened_container(path, content) as container:
+            stream = video_stream_of(path, container)
+            aspect = pixel_aspect_of(path, stream)
+            timeline, stamps = timeline_of(path, container, stream)
+            field_of_view = _field_of_view(path, container)
+        return VideoFile(path, timeline, content.sha256(), aspect, field_of_view, stamps)
 
 
 def _field_of_view(path: VideoPath, container: InputContainer) -> float | None:
@@ -250,11 +250,12 @@ def _field_of_view(path: VideoPath, container: InputContainer) -> float | None:
 
 
 @contextmanager
-def opened_container(path: VideoPath) -> Iterator[InputContainer]:
-    """Yield an open container of a video, which is closed at the end."""
+def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Iterator[InputContainer]:
+    """Yield an open container of a video, which is closed at the end; read from `content` if that is open."""
     with ExitStack() as stack:
-        remote = stack.enter_context(path.opened()) if isinstance(path, RemoteFile) else None
-        container = stack.enter_context(_container(path, remote))
+        if content is None and isinstance(path, RemoteFile):
+            content = stack.enter_context(FilmBytes(path))
+        container = stack.enter_context(_container(path, content))
         names = container.format.name.split(",")
         # `tty` draws text files as terminal screens.
         if "tty" in names or not any(_is_moving(s) for s in container.streams.video):
@@ -264,10 +265,12 @@ def opened_container(path: VideoPath) -> Iterator[InputContainer]:
         yield container
 
 
-def _container(path: VideoPath, remote: io.RawIOBase | None) -> InputContainer:
+def _container(path: VideoPath, content: FilmBytes | None) -> InputContainer:
     """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
     try:
-        return av.open(f"file:{path}") if remote is None else av.open(remote, "r", options=ALONE)
+        if content is None:
+            return av.open(f"file:{path}")
+        return av.open(content, "r", options=ALONE if isinstance(path, RemoteFile) else {})
     except (FFmpegError, UnicodeError) as error:
         raise InputError(
             f"FFmpeg finds no video in {path} (not a video, or damaged, or cut off); {SUPPORTED}"

@@ -19,6 +19,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequences import open_video, open_videos
 from evenlight.stimuli.video import video_locations
+from evenlight.stimuli.video.film_bytes import FilmBytes
 
 OPTIONS = ("--budget", 0.5, "--display", "laptop-lcd", "--other-display-ok")
 SECRET = "X-Amz-Signature=Hidden2"
@@ -132,7 +133,8 @@ def test_a_frame_far_into_a_film_takes_a_few_blocks(tmp_path: Path, monkeypatch:
     with served(tmp_path) as server:
         film = open_video(f"{server.url}/long.mkv")
         size = path.stat().st_size
-        assert size <= server.sent < 1.1 * size  # once, for the times of the frames
+        assert film.sha256() == sha256_of_file(path)
+        assert size <= server.sent < 1.1 * size  # once, for the times of the frames and the hash
         server.sent = 0
         wanted = [20, 100, 180]
         there = [frame.pixel_values.tobytes() for frame in film.frames_at(wanted)]
@@ -191,7 +193,7 @@ def test_a_server_that_goes_away_is_said(
 def test_files_that_shrink_while_they_are_read_are_noticed() -> None:
     files = fsspec.filesystem("memory")
     files.pipe("/shrinking.mkv", bytes(5000))
-    with video_locations.RemoteFile("memory://shrinking.mkv").opened() as stream:
+    with FilmBytes(video_locations.RemoteFile("memory://shrinking.mkv")) as stream:
         files.store["/shrinking.mkv"].truncate(2000)
         assert len(stream.read(3000)) == 2000
         with pytest.raises(InputError, match="it ends at byte 2000 of 5000"):

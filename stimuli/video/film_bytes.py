@@ -1,0 +1,83 @@
+"""The bytes of a film, here or at a URL, for FFmpeg: one pass gives its packets and its SHA-256."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING, Any
+
+from evenlight.data_schema.storage.input_files import open_input
+from evenlight.stimuli.video.video_locations import BLOCK, VideoPath, told_in_one_line
+
+if TYPE_CHECKING:
+    from _typeshed import WriteableBuffer
+
+
+class FilmBytes(io.RawIOBase):
+    """An open film with a place of its own: `memory://` has one for all who read a file.
+
+    What is read in its order is hashed on the way. A demuxer reads nearly all of a film so: but for an index
+    at the end, `sha256` has nothing left to read.
+
+    Parameters
+    ----------
+    path : Path or RemoteFile
+        The film; what cannot be read of it is an `InputError`.
+
+    Attributes
+    ----------
+    size : int
+        How many bytes it had when it was opened.
+    """
+
+    def __init__(self, path: VideoPath) -> None:
+        # FFmpeg looks at the ending; beside a local playlist it finds what this names.
+        self.name = f"file:{path}" if isinstance(path, Path) else PurePosixPath(str(path)).name
+        self._path, self._place = path, 0
+        self._hash, self._hashed = hashlib.sha256(), 0
+        with told_in_one_line(str(path)):
+            self._stream: Any = open_input(path, "a video") if isinstance(path, Path) else path.opened()
+            self.size = int(self._stream.seek(0, io.SEEK_END))
+
+    def readable(self) -> bool:
+        """Return that it can be read."""
+        return True
+
+    def seekable(self) -> bool:
+        """Return that it can be read from any place on."""
+        return True
+
+    def readinto(self, buffer: WriteableBuffer) -> int:
+        """Fill a buffer as far as there are bytes, and return how many there were."""
+        view = memoryview(buffer).cast("B")
+        with told_in_one_line(str(self._path)):
+            self._stream.seek(self._place)
+            content = self._stream.read(len(view))
+            if not content and len(view) and self._place < self.size:
+                raise OSError(f"it ends at byte {self._place} of {self.size}")
+        view[: len(content)] = content
+        known = self._hashed - self._place
+        self._place += len(content)
+        if 0 <= known < len(content):
+            self._hash.update(view[known : len(content)])
+            self._hashed = self._place
+        return len(content)
+
+    def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
+        """Go to a place, and return it [bytes]."""
+        self._place = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: self.size}[whence]
+        return self._place
+
+    def sha256(self) -> str:
+        """Return the SHA-256 of all bytes; those that are not hashed yet are read."""
+        self.seek(self._hashed)
+        while self.read(BLOCK):
+            pass
+        return self._hash.hexdigest()
+
+    def close(self) -> None:
+        """Close the file."""
+        if not self.closed:
+            self._stream.close()
+        super().close()
