@@ -28,7 +28,7 @@ GROUPS = {
     "Data": ("fit_ramps", "RampFit", "analyze", "Analysis"),
     "Tasks of your own": ("register_task", "TaskDeclaration"),
     "Drivers of your own": (
-        "Driver", "LinkKind", "LuminanceMeter", "PowerMeter", "Backlight", "Reading", "PowerSample",
+        "Driver", "LuminanceMeter", "PowerMeter", "Backlight", "Reading", "PowerSample",
         "ClockPing", "InstrumentError", "Fault", "ContextDevice", "SerialLink", "LineSettings",
         "restore_and_release",
     ),

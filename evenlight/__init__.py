@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from evenlight.data_schema.tracks.brightness_track import BudgetUnit
     from evenlight.data_schema.tracks.loss_curves import LossCurves
     from evenlight.hardware.backlights import restore_and_release
-    from evenlight.hardware.driver import Driver, LinkKind
+    from evenlight.hardware.driver import Driver
     from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
     from evenlight.hardware.protocols import (
         Backlight,
@@ -79,14 +79,14 @@ _PLACES = {
         ("Backlight", "ContextDevice", "Fault", "InstrumentError", "LuminanceMeter", "PowerMeter", "Reading"),
         "evenlight.hardware.protocols",
     ),
-    **dict.fromkeys(("Driver", "LinkKind"), "evenlight.hardware.driver"),
+    "Driver": "evenlight.hardware.driver",
     "restore_and_release": "evenlight.hardware.backlights",
     **dict.fromkeys(("PowerSample", "ClockPing"), "evenlight.data_schema.recordings.instrument_logs"),
     **dict.fromkeys(("SerialLink", "LineSettings"), "evenlight.hardware.drivers.serial_link"),
 }
 __all__ = [
     "Actuator", "Analysis", "Backlight", "BudgetUnit", "ClockPing", "ContextDevice", "Display", "Driver",
-    "Fault", "Frame", "InputError", "InstrumentError", "LineSettings", "LinkKind", "LossCurves",
+    "Fault", "Frame", "InputError", "InstrumentError", "LineSettings", "LossCurves",
     "LuminanceMeter", "OnlineController", "PanelKind", "PowerMeter", "PowerModel", "PowerSample", "RampFit",
     "RateLimit", "RateLimitForm", "Reading", "SerialLink", "TaskDeclaration", "Track",
     "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",

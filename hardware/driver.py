@@ -6,12 +6,11 @@ Which drivers there are: `hardware.driver_table`, and of packages `hardware.inst
 from __future__ import annotations
 
 import difflib
-import enum
 import importlib
 from collections.abc import Callable, Collection, Mapping
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
-from urllib.parse import urlsplit
 
 from evenlight.data_schema.errors import InputError
 
@@ -21,17 +20,9 @@ if TYPE_CHECKING:
 SIMULATED = "simulated"  # by itself, an instrument in this process; before a driver's name, an emulated one
 
 
-class LinkKind(enum.Enum):
-    """How a driver reaches an emulated instrument."""
-
-    SOCKET = "socket"  # a port of any setting
-    TERMINAL = "terminal"  # a serial port of 8N1
-    OWN = "own"  # the emulator is no dialogue, and makes what the driver opens
-
-
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """A driver: its class, what `measure list` says of it, and the emulated instrument to try it on.
+    """A driver: its class, and what `measure list` says of it.
 
     A package declares one for each instrument that it brings, in an entry point (docs/drivers.md).
 
@@ -45,12 +36,9 @@ class Driver:
         and instrument, and what else to know, in words.
     usb_ids : tuple of (int, int)
         Vendor and product numbers that the instrument has on USB, where they are known.
-    emulator : type, optional
-        The emulated instrument, made of a `Simulation`, with `receive(data)` and `stream()`.
-    link : LinkKind
-        How the driver reaches that: a socket (which is the default) or a serial port.
-    emulated_address : str
-        Its address there, with `{url}`, or `{host}` and `{port}`, for where the link is.
+    emulator : callable, optional
+        What a package tries it on: called with a `Simulation`, it returns a context that serves an emulated
+        instrument and yields its address.
     needs_address : bool
         Whether the driver needs to know where the instrument is.
     sample_rate : float
@@ -64,12 +52,7 @@ class Driver:
     note: str = ""  # what else to know: an extra or a program to install, what is not confirmed
     # vendor and product numbers that the instrument has on USB, where they are known
     usb_ids: tuple[tuple[int, int], ...] = ()
-    emulator: str | type[Any] = ""  # class of the emulated instrument; empty where there is none
-    link: LinkKind = LinkKind.SOCKET  # how the driver reaches that
-    # of the emulated instrument, with `{url}` for what the link made, or `{host}` and `{port}` in it
-    emulated_address: str = "{url}"
-    # module and function that open the driver on an emulated instrument, where its class does not
-    on_link: str = ""
+    emulator: Callable[[Simulation], AbstractContextManager[str]] | None = None
     needs_address: bool = True  # whether the driver needs to know where the instrument is
     sample_rate: float = 100.0
     package: str = ""  # that it comes from, which is noted when it is found; empty for our own
@@ -78,35 +61,9 @@ class Driver:
         """Return the class of the driver."""
         return self.place if isinstance(self.place, type) else _named(self.place)
 
-    def load_emulator(self) -> Any:
-        """Return the class of the emulated instrument."""
-        return self.emulator if isinstance(self.emulator, type) else _named(self.emulator)
-
     def guarded(self) -> bool:
         """Return whether what the driver gives is another's, and checked: a package's or a program's."""
         return bool(self.package) or self.address.startswith("exec:")
-
-    def open_at(self, url: str, clock: Callable[[], float], timeout: float | None = None) -> Any:
-        """Return the driver, opened at what the link to an emulated instrument made."""
-        opener, where = _named(self.on_link) if self.on_link else self.load(), urlsplit(url)
-        return opener(
-            self.emulated_address.format(url=url, host=where.hostname, port=where.port), clock, timeout
-        )
-
-    def open_emulated(self, clock: Callable[[], float], simulation: Simulation) -> tuple[Any, Any]:
-        """Return the driver on an emulated instrument, and the link between them; both are open."""
-        from evenlight.hardware.emulators.link import EmulatedLink
-
-        emulator = self.load_emulator()(simulation)
-        if self.link is LinkKind.OWN:
-            link = emulator
-        else:
-            link = EmulatedLink(emulator, pseudo_terminal=self.link is LinkKind.TERMINAL)
-        try:
-            return self.open_at(link.url, clock), link
-        except BaseException:
-            link.__exit__(None, None, None)
-            raise
 
 
 def _named(place: str) -> Any:
@@ -122,7 +79,7 @@ class NamedDriver:
     name: str  # of the driver
     driver: Driver  # where it is
     address: str  # of the instrument
-    emulated: bool  # whether the instrument is an emulated one
+    emulated: bool  # whether it is the emulated instrument that a package brings
 
 
 def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDriver:
@@ -131,7 +88,7 @@ def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDr
     Parameters
     ----------
     name : str
-        DRIVER:ADDRESS, or "simulated:DRIVER".
+        DRIVER:ADDRESS, or "simulated:DRIVER" for a package's driver on its emulated instrument.
     drivers : mapping of str to Driver
         What there is.
     what : str
@@ -145,14 +102,14 @@ def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDr
     >>> from evenlight.hardware.driver_table import LUMINANCE_METERS
     >>> named_driver("ls100:COM3", LUMINANCE_METERS, "luminance meter").address
     'COM3'
-    >>> named_driver("simulated:ls100", LUMINANCE_METERS, "luminance meter").emulated
-    True
     """
     driver, _, address = name.partition(":")
     emulated = driver == SIMULATED and bool(address)
     if emulated:
         driver, address = address, ""
     offered = [each for each in drivers if (drivers[each].emulator if emulated else drivers[each].place)]
+    if emulated and driver in drivers and driver not in offered:
+        raise InputError(f"{name}: {driver} brings no emulated instrument; `simulated` needs no device")
     if driver not in offered:
         kind = f"emulated {what}" if emulated else what
         raise InputError(f"{name}: there is no {kind} {driver!r}; {_offer(driver, offered)}")

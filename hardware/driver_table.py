@@ -1,19 +1,14 @@
-"""The drivers that there are: one entry each, with its place, its emulated instrument, and what users read.
+"""The drivers that there are: one entry each, with its place and what users read of it.
 
-A new driver is a file in `hardware.drivers`, an emulated instrument in `hardware.emulators`, and an entry
-here: `hardware.rig` opens it, `evenlight measure list` shows it, and `evenlight measure conform` tries it, as
-tests/conventions/test_drivers.py does. Modules are imported when a device is opened. Drivers of packages:
-`hardware.installed_drivers`.
+A new driver is a file in `hardware.drivers` and an entry here: `hardware.rig` opens it, and `evenlight
+measure list` shows it. Its emulated instrument is an entry of tests/companions/emulators/ours.py, on which
+tests/conventions/test_drivers.py tries what every driver promises. Modules are imported when a device is
+opened. Drivers of packages: `hardware.installed_drivers`.
 """
 
 from __future__ import annotations
 
-import shlex
-import sys
-from pathlib import Path
-from typing import Any
-
-from evenlight.hardware.driver import SIMULATED, Driver, LinkKind
+from evenlight.hardware.driver import SIMULATED, Driver
 
 IMPORTED = "csv"  # in place of a luminance meter: a table, whose readings a sweep imports
 BOARD = "board"  # one link, which a power meter and a backlight share
@@ -22,58 +17,45 @@ REMOTE_7E2 = "4800 baud, 7 data bits, even parity, 2 stop bits; hold F while swi
 PHOTO_RESEARCH = "9600 baud, 8N1"
 
 
-def _spot_meter(name: str, place: str, instrument: str, settings: str, **more: Any) -> Driver:
-    """Return a luminance meter at a serial port; its emulated one is named after its class."""
-    emulator = f"emulators.luminance_meters:Emulated{place.partition(':')[2]}"
-    return Driver(place, instrument, f"{name}:PORT", settings, emulator=emulator, **more)
-
-
 def _program(place: str, instrument: str, says: str) -> Driver:
     """Return a driver that asks a program of the user's."""
-    program = shlex.join([sys.executable, "-I", "-S", str(Path(__file__).parent / "emulators/program.py")])
     return Driver(
         f"drivers.exec_program:{place}",
         instrument,
         "exec:PROGRAM ARGUMENTS",
         says,
         "the lines are described in docs/drivers.md",
-        emulator="emulators.program:EmulatedProgram",
-        emulated_address=f"{program} {{port}}",
     )
 
 
 LUMINANCE_METERS = {
-    "ls100": _spot_meter("ls100", "drivers.konica_minolta:Ls100", "Konica Minolta LS-100", REMOTE_7E2),
-    "ls110": _spot_meter("ls110", "drivers.konica_minolta:Ls110", "Konica Minolta LS-110", REMOTE_7E2),
-    "cs100a": _spot_meter("cs100a", "drivers.konica_minolta:Cs100a", "Konica Minolta CS-100A", REMOTE_7E2),
-    "pr655": _spot_meter(
-        "pr655",
+    "ls100": Driver("drivers.konica_minolta:Ls100", "Konica Minolta LS-100", "ls100:PORT", REMOTE_7E2),
+    "ls110": Driver("drivers.konica_minolta:Ls110", "Konica Minolta LS-110", "ls110:PORT", REMOTE_7E2),
+    "cs100a": Driver("drivers.konica_minolta:Cs100a", "Konica Minolta CS-100A", "cs100a:PORT", REMOTE_7E2),
+    "pr655": Driver(
         "drivers.photo_research:Pr655",
         "Photo Research PR-655",
+        "pr655:PORT",
         PHOTO_RESEARCH,
-        link=LinkKind.TERMINAL,
     ),
-    "pr670": _spot_meter(
-        "pr670",
+    "pr670": Driver(
         "drivers.photo_research:Pr670",
         "Photo Research PR-670",
+        "pr670:PORT",
         PHOTO_RESEARCH,
-        link=LinkKind.TERMINAL,
     ),
-    "pr650": _spot_meter(
-        "pr650",
+    "pr650": Driver(
         "drivers.photo_research:Pr650",
         "Photo Research PR-650",
+        "pr650:PORT",
         f"{PHOTO_RESEARCH}; switch it off and on, and connect within 5 s",
-        link=LinkKind.TERMINAL,
     ),
-    "colorcal": _spot_meter(
-        "colorcal",
+    "colorcal": Driver(
         "drivers.colorcal:ColorCal",
         "CRS ColorCAL II",
+        "colorcal:PORT",
         "USB, any baud rate; its zero is set with the sensor covered",
         usb_ids=((0x0861, 0x1001),),  # 2145, 4097
-        link=LinkKind.TERMINAL,
     ),
     "spotread": Driver(
         "drivers.spotread:Spotread",
@@ -81,8 +63,6 @@ LUMINANCE_METERS = {
         "spotread: or spotread:NUMBER",
         "the program `spotread` of ArgyllCMS; NUMBER is that of its list, 1 if left out",
         "install it with: apt install argyll",
-        emulator="emulators.spotread:EmulatedSpotread",
-        link=LinkKind.OWN,
         needs_address=False,
     ),
     "manual": Driver(
@@ -107,7 +87,7 @@ LUMINANCE_METERS = {
     SIMULATED: Driver(
         "simulated.luminance_meter:SimulatedLuminanceMeter",
         "a simulated luminance meter, looking at the simulated panel",
-        "simulated, or simulated:DRIVER for a driver on its emulated instrument",
+        "simulated",
         "a spot meter of 4 digits",
         needs_address=False,
     ),
@@ -119,8 +99,6 @@ POWER_METERS = {
         "board:PORT, board:PORT?baud=921600",
         "115200 8N1; up to 272 Hz, or what the board states where its serial port is USB itself",
         "the same port may be the rig's backlight; its sync input marks the frames",
-        emulator="emulators.power_board:PowerBoardEmulator",
-        link=LinkKind.TERMINAL,
     ),
     "hwmon": Driver(
         "drivers.hwmon_power:HwmonPowerMeter",
@@ -128,8 +106,6 @@ POWER_METERS = {
         "hwmon:NAME or hwmon:FOLDER, e.g. hwmon:ina226; hwmon:NAME?channel=2",
         "files under /sys; as fast as the sensor's update_interval, at most 1000 Hz",
         "samples carry the computer's time; no sync input",
-        emulator="emulators.power_meters:HwmonEmulator",
-        link=LinkKind.OWN,
     ),
     "ppk2": Driver(
         "drivers.nordic_ppk2:Ppk2PowerMeter",
@@ -138,9 +114,6 @@ POWER_METERS = {
         "USB; 100 kHz, averaged to the rate asked for, 10 Hz to 10 kHz; frame line on D0",
         "needs the extra: pip install '.[instruments]' in the checkout (ppk2-api, GPLv2)",
         usb_ids=((0x1915, 0xC00A),),
-        emulator="emulators.power_meters:Ppk2Emulator",
-        link=LinkKind.TERMINAL,
-        emulated_address="{url}?voltage=5.0",
     ),
     "scpi": Driver(
         "drivers.scpi_power:ScpiPowerMeter",
@@ -148,8 +121,6 @@ POWER_METERS = {
         "scpi:HOST:PORT, scpi:HOST (port 5025) or scpi:/dev/ttyUSB0; ?voltage=5.0 for an ammeter",
         "raw socket, or 9600 8N1; MEAS:POW?, else MEAS:VOLT? times MEAS:CURR?",
         "samples carry the computer's time; as fast as the instrument answers",
-        emulator="emulators.power_meters:ScpiEmulator",
-        emulated_address="{host}:{port}",
     ),
     "visa": Driver(
         "drivers.scpi_power:VisaPowerMeter",
@@ -157,8 +128,6 @@ POWER_METERS = {
         "visa:RESOURCE, e.g. visa:USB0::0x2A8D::0x1301::MY1::INSTR; ?voltage=5.0 for an ammeter",
         "those of the resource",
         "needs the extra: pip install '.[instruments]' in the checkout (pyvisa, pyvisa-py)",
-        emulator="emulators.power_meters:ScpiEmulator",
-        emulated_address="TCPIP::{host}::{port}::SOCKET",
     ),
     "battery": Driver(
         "drivers.battery_power:BatteryPowerMeter",
@@ -166,8 +135,6 @@ POWER_METERS = {
         "battery: or battery:NAME, e.g. battery:BAT0",
         "files under /sys/class/power_supply; ask for 1 Hz: gauges are slow, and smooth",
         "only while it is discharged; `evenlight measure saving` compares two versions of a film on it",
-        emulator="emulators.device_power:BatteryEmulator",
-        link=LinkKind.OWN,
         needs_address=False,
         sample_rate=1.0,
     ),
@@ -177,8 +144,6 @@ POWER_METERS = {
         "rapl: (package-0) or rapl:DOMAIN, e.g. rapl:psys",
         "files under /sys/class/powercap, 20 Hz at most",
         "since 2020 only root may read them; the error says how to allow it",
-        emulator="emulators.device_power:RaplEmulator",
-        link=LinkKind.OWN,
         needs_address=False,
         sample_rate=10.0,
     ),
@@ -188,8 +153,6 @@ POWER_METERS = {
         "adb: or adb:SERIAL, as `adb devices` lists it, e.g. adb:192.168.1.20:5555",
         "the program `adb`, over the network, for over a cable it charges; ask for 1 Hz",
         "install it with: apt install adb",
-        emulator="emulators.device_power:AdbEmulator",
-        link=LinkKind.OWN,
         needs_address=False,
         sample_rate=1.0,
     ),
@@ -214,16 +177,12 @@ BACKLIGHTS = {
         "ddc:NUMBER, that of its I2C bus: ddc:5 for /dev/i2c-5",
         "50 ms between messages, 0.14 s a setting: for baselines and sweeps, not for every frame",
         "needs the extra: pip install '.[instruments]' in the checkout (monitorcontrol), and i2c-dev",
-        emulator="emulators.ddc_monitor:EmulatedMonitor",
-        on_link="emulators.ddc_monitor:backlight_on",
     ),
     BOARD: Driver(
         "drivers.power_board:BoardBacklight",
         "the PWM output of the power board (docs/power-board.md)",
         "board:PORT",
         "115200 8N1; the link is shared with the power meter where that names the same port",
-        emulator="emulators.power_board:PowerBoardEmulator",
-        link=LinkKind.TERMINAL,
     ),
     "exec": _program(
         "ExecBacklight",
@@ -233,7 +192,7 @@ BACKLIGHTS = {
     SIMULATED: Driver(
         "simulated.panel:SimulatedBacklight",
         "a simulated backlight, in 4095 steps",
-        "simulated, or simulated:DRIVER for a driver on its emulated instrument",
+        "simulated",
         "none",
         needs_address=False,
     ),
@@ -245,7 +204,6 @@ TRIGGERS = {
         "a trigger box or recorder at a serial port",
         "serial:PORT, serial:PORT?baud=115200",
         "one byte with the code; 115200 8N1",
-        link=LinkKind.TERMINAL,
     ),
     "rts": Driver(
         "drivers.serial_trigger:RtsTrigger",

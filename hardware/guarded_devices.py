@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import textwrap
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from numbers import Real
 from typing import Any
 
@@ -35,6 +35,11 @@ class GuardedDevice(ContextDevice):
     opener : callable
         Opens it.
 
+    Attributes
+    ----------
+    link : ExitStack
+        What is closed after the driver: the link to an emulated instrument.
+
     Raises
     ------
     InstrumentError
@@ -45,10 +50,13 @@ class GuardedDevice(ContextDevice):
         self._driver = named.name
         package = named.driver.package
         self._note = {"driver": f"{named.name}, driver of the package {package}"} if package else {}
+        if named.emulated:
+            self._note["instrument"] = "SIMULATED: the driver on an emulated instrument"
         self._name = f"{named.name}{named.address and ':'}{textwrap.shorten(named.address, 80)}"
         self._name += f" (driver of the package {package})" if package else ""
         with self._told():
             self._inner = opener()
+        self.link = ExitStack()
 
     def unguarded(self) -> Any:
         """Return the driver itself, for the test of conformance."""
@@ -66,7 +74,7 @@ class GuardedDevice(ContextDevice):
         """Let go of the device, which is left as it was found; more than once does nothing."""
         if not self._closed:
             self._closed = True
-            restore_and_release(self._close_inner, lambda: None)
+            restore_and_release(self._close_inner, self.link.close)
 
     def _close_inner(self) -> None:
         """Close the driver."""

@@ -50,7 +50,7 @@ def find_driver(name: str, kind: InstrumentKind) -> NamedDriver:
     InputError
         As `named_driver`.
 
-    >>> find_driver("simulated:ls100", InstrumentKind.LUMINANCE).name
+    >>> find_driver("ls100:COM3", InstrumentKind.LUMINANCE).name
     'ls100'
     """
     driver = name.removeprefix(f"{SIMULATED}:").partition(":")[0]
@@ -94,8 +94,8 @@ def _wrong_with(name: str, driver: object, taken: Mapping[str, Driver]) -> str:
         return "is left out: a name is of small letters, digits, - and _"
     if not isinstance(driver, Driver):
         return f"is not an evenlight.Driver, but of the type {type(driver).__name__}"
-    if not (isinstance(driver.place, type) and isinstance(driver.emulator or object, type)):
-        return "is left out: the place of its driver and of an emulated instrument must be classes"
+    if not (isinstance(driver.place, type) and (driver.emulator is None or callable(driver.emulator))):
+        return "is left out: the place of its driver must be a class, and its emulator can be called"
     if not driver.instrument or driver.address.partition(":")[0] != name:
         return f"is left out: it must say what it drives, and have an address of the form {name}:…"
     return ""

@@ -135,17 +135,17 @@ def headset(
 
 @measure.command()
 def conform(
-    instrument: Annotated[str, typer.Argument(help="The instrument, or simulated:DRIVER.")],
+    instrument: Annotated[str, typer.Argument(help="The instrument: DRIVER:ADDRESS.")],
     kind: Annotated[
         str | None,
         typer.Option(metavar="KIND", help="luminance, power or backlight, if several have this name."),
     ] = None,
     quiet: Annotated[bool, QUIET] = False,
 ) -> None:
-    """Test what every driver promises, on an instrument or its emulator; ends with 1 if one is broken.
+    """Test what every driver promises, on an instrument; ends with 1 if one is broken.
 
-    A backlight changes the screen's brightness meanwhile, and is left as it was found. Faults are tried on
-    the emulated instrument that the driver brings: simulated:DRIVER.
+    A backlight changes the screen's brightness meanwhile, and is left as it was found. `simulated:DRIVER` is
+    the emulated instrument that a package brings for its driver.
     """
     from evenlight.hardware.conformance.conform import conform as tried
     from evenlight.hardware.conformance.conform import subject_named

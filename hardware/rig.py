@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeVar
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.driver import SIMULATED, NamedDriver, named_driver, own_simulation
 from evenlight.hardware.driver_table import BOARD, IMPORTED, NO_BACKLIGHT, TRIGGERS
-from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
+from evenlight.hardware.guarded_devices import (
+    GuardedBacklight,
+    GuardedDevice,
+    GuardedLuminanceMeter,
+    GuardedPowerMeter,
+)
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import (
     Backlight,
@@ -22,6 +29,8 @@ from evenlight.hardware.protocols import (
 
 if TYPE_CHECKING:
     from evenlight.hardware.simulated.panel import Simulation
+
+Guard = TypeVar("Guard", bound=GuardedDevice)
 
 
 def open_luminance_meter(
@@ -35,7 +44,8 @@ def open_luminance_meter(
     Parameters
     ----------
     name : str
-        "simulated", "manual", DRIVER:ADDRESS, or "simulated:DRIVER" for a driver on its emulated instrument.
+        "simulated", "manual", DRIVER:ADDRESS, or "simulated:DRIVER" for the driver of a package
+        on its emulated instrument.
     clock : callable
         Of the readings' times [s].
     simulation : Simulation, optional
@@ -56,9 +66,10 @@ def open_luminance_meter(
             "luminance_meter, and `evenlight run luminance-sweep` imports it"
         )
     named = find_driver(name, InstrumentKind.LUMINANCE)
-    if named.driver.guarded():
-        return GuardedLuminanceMeter(named, lambda: luminance_meter_of(named, clock, simulation, ask))
-    return luminance_meter_of(named, clock, simulation, ask)
+    opener = partial(luminance_meter_of, clock=clock, simulation=simulation, ask=ask)
+    if named.driver.guarded() or named.emulated:
+        return guarded(GuardedLuminanceMeter, named, opener, simulation or own_simulation(clock))
+    return opener(named)
 
 
 def luminance_meter_of(
@@ -68,10 +79,6 @@ def luminance_meter_of(
     ask: Callable[[str], str] | None,
 ) -> LuminanceMeter:
     """Return the luminance meter of a driver."""
-    if named.emulated:
-        from evenlight.hardware.emulators.link import EmulatedLuminanceMeter
-
-        return EmulatedLuminanceMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
     meter: LuminanceMeter
     if named.name == SIMULATED:
@@ -91,7 +98,8 @@ def open_power_meter(
     Parameters
     ----------
     name : str
-        "simulated", DRIVER:ADDRESS, or "simulated:DRIVER" for a driver on its emulated instrument.
+        "simulated", DRIVER:ADDRESS, or "simulated:DRIVER" for the driver of a package
+        on its emulated instrument.
     clock : callable
         The computer's clock, for the times at which samples arrive [s].
     simulation : Simulation, optional
@@ -105,19 +113,16 @@ def open_power_meter(
         If the instrument is not there, or does not answer as it should.
     """
     named = find_driver(name, InstrumentKind.POWER)
-    if named.driver.guarded():
-        return GuardedPowerMeter(named, lambda: power_meter_of(named, clock, simulation))
-    return power_meter_of(named, clock, simulation)
+    opener = partial(power_meter_of, clock=clock, simulation=simulation)
+    if named.driver.guarded() or named.emulated:
+        return guarded(GuardedPowerMeter, named, opener, simulation or own_simulation(clock))
+    return opener(named)
 
 
 def power_meter_of(
     named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None
 ) -> PowerMeter:
     """Return the power meter of a driver."""
-    if named.emulated:
-        from evenlight.hardware.emulators.link import EmulatedPowerMeter
-
-        return EmulatedPowerMeter(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
     meter: PowerMeter
     if named.name == SIMULATED:
@@ -198,7 +203,7 @@ def opened_triggers(names: Sequence[str]) -> Iterator[dict[str, TriggerOutput]]:
 def is_simulated(name: str) -> bool:
     """Return whether the name of an instrument or a backlight is that of a simulated one.
 
-    >>> is_simulated("simulated:ls100"), is_simulated("ls100:/dev/ttyUSB0")
+    >>> is_simulated("simulated"), is_simulated("ls100:/dev/ttyUSB0")
     (True, False)
     """
     return name.partition(":")[0] == SIMULATED
@@ -231,8 +236,9 @@ def _open_device(
     if rig.backlight == NO_BACKLIGHT:
         return None
     named = find_driver(rig.backlight, InstrumentKind.BACKLIGHT)
-    if named.driver.guarded():
-        return GuardedBacklight(named, lambda: backlight_of(named, clock, simulation, curve_known=True))
+    if named.driver.guarded() or named.emulated:
+        opener = partial(backlight_of, clock=clock, simulation=simulation, curve_known=True)
+        return guarded(GuardedBacklight, named, opener, simulation or own_simulation(clock))
     return backlight_of(named, clock, simulation, curve_known=curve_known)
 
 
@@ -240,10 +246,6 @@ def backlight_of(
     named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None, *, curve_known: bool
 ) -> Backlight:
     """Return the backlight of a driver, by its own factors."""
-    if named.emulated:
-        from evenlight.hardware.emulators.link import EmulatedBacklight
-
-        return EmulatedBacklight(*_on_emulator(named, clock, simulation))
     driver = named.driver.load()
     backlight: Backlight
     if named.name == SIMULATED:
@@ -261,14 +263,14 @@ def backlight_of(
     return backlight
 
 
-def _on_emulator(
-    named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None
-) -> tuple[Any, AbstractContextManager[Any]]:
-    """Return a driver on an emulated instrument, and the link to that."""
-    simulation = simulation or own_simulation(clock)
-    if named.name != BOARD:
-        return named.driver.open_emulated(clock, simulation)
-    from evenlight.hardware.emulators.link import emulated_board
-
-    # The link to an emulated board is closed with the board, after the last of its devices.
-    return named.driver.load()(emulated_board(simulation, clock), clock), nullcontext()
+def guarded(
+    guard: type[Guard], named: NamedDriver, opener: Callable[[NamedDriver], object], simulation: Simulation
+) -> Guard:
+    """Return a driver under guard, on the emulated instrument that its package brings if its name says so."""
+    with ExitStack() as link:
+        if named.emulated and named.driver.emulator:
+            address = link.enter_context(named.driver.emulator(simulation))
+            named = dataclasses.replace(named, address=address)
+        device = guard(named, lambda: opener(named))
+        device.link = link.pop_all()
+    return device

@@ -178,7 +178,7 @@ class Rig:
     )
     luminance_meter: str = described(
         "none, simulated, manual, or DRIVER:ADDRESS as `evenlight measure list` has them, "
-        "e.g. ls100:/dev/ttyUSB0; simulated:DRIVER is the driver on an emulated instrument",
+        "e.g. ls100:/dev/ttyUSB0; simulated:DRIVER is a package's driver on its emulated instrument",
         default="none",
         pattern=METER,
     )

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.conformance import faults, interface, working
+from evenlight.hardware.conformance import interface, working
 from evenlight.hardware.conformance.subject import BrokenPromiseError, Subject, promised
 from evenlight.hardware.driver import SIMULATED
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
@@ -30,18 +30,12 @@ class Promise:
     check: Callable[[Subject], None]  # raises BrokenPromiseError, which says what the driver did
     kinds: tuple[InstrumentKind, ...] = tuple(InstrumentKind)
     opens: bool = True  # whether the device is opened for it
-    emulated: bool = False  # whether it is tried on an emulated instrument only,
-    on_line: bool = False  # and one at the end of a line
 
     def untried(self, subject: Subject) -> str:
         """Return why it is not tried on a driver; nothing if it is."""
         if self.opens and subject.named.name == MANUAL:
             return "a person gives the readings"
-        if (self.emulated or self.on_line) and not subject.emulated:
-            if subject.named.driver.emulator:
-                return f"needs the emulated instrument, {SIMULATED}:{subject.named.name}"
-            return "needs an emulated instrument, which the driver does not bring"
-        return "its emulated instrument has no line" if self.on_line and not subject.has_line else ""
+        return ""
 
 
 INTERFACE = (
@@ -67,21 +61,7 @@ WORKING = (
     Promise("refuses rates that it has not", working.wrong_values_are_refused, (POWER,)),
     Promise("refuses factors that it has not", working.wrong_values_are_refused, (BACKLIGHT,)),
 )
-TOLD = (
-    Promise("tells of an instrument that is not there", faults.absent_is_named, emulated=True),
-    Promise("tells of a cable that is pulled", faults.pulled_cable_is_told, on_line=True),
-    Promise(
-        "tells of a backlight that cannot be put back",
-        faults.not_restored_is_told,
-        (BACKLIGHT,),
-        on_line=True,
-    ),
-)
-NOTHING_MADE_UP = tuple(
-    Promise(f"makes nothing up where a reply {words}", faults.nothing_is_made_up(fault), on_line=True)
-    for fault, words in faults.WORDS.items()
-)
-PROMISES = (*INTERFACE, *WORKING, *TOLD, *NOTHING_MADE_UP)
+PROMISES = (*INTERFACE, *WORKING)
 
 
 def subject_named(name: str, kind: str | None) -> Subject:

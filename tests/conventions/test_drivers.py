@@ -1,37 +1,31 @@
-"""What every driver promises (`measure conform`), of all of ours: a new one is tested without a word here."""
+"""What every driver promises, of all of ours, and what ours promise where a line fails (`emulators.ours`)."""
 
 import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import line_faults as faults
 import pytest
+from emulators import ddc_monitor
+from emulators.ours import OURS, attach
+from line_faults import Breakable, FaultySubject, require_told_not_restored
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware import rig as rigs
 from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight
 from evenlight.hardware.backlights import LoggedBacklight
-from evenlight.hardware.conformance import faults, working
-from evenlight.hardware.conformance.conform import (
-    INTERFACE,
-    NOTHING_MADE_UP,
-    TOLD,
-    WORKING,
-    Promise,
-    nothing_left_open,
-)
-from evenlight.hardware.conformance.faults import Breakable, require_told_not_restored
+from evenlight.hardware.conformance import working
+from evenlight.hardware.conformance.conform import INTERFACE, WORKING, Promise, nothing_left_open
 from evenlight.hardware.conformance.interface import import_failure
-from evenlight.hardware.conformance.subject import Bench, Subject, warm_white_panel
+from evenlight.hardware.conformance.subject import Subject, warm_white_panel
 from evenlight.hardware.driver import SIMULATED, NamedDriver
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
-from evenlight.hardware.emulators import ddc_monitor
-from evenlight.hardware.emulators.link import FaultPlan
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.rig_files import load_rig
@@ -39,20 +33,14 @@ from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 pytestmark = pytest.mark.slow
 
+LUMINANCE, POWER, BACKLIGHT = InstrumentKind
 PATIENT = 30.0  # [s] where no reply is made late or left out: threads of a busy machine may be held up
 
 
-class PatientSubject(Subject):
-    """A driver that waits for its emulated instrument however long that is held up, unless told otherwise."""
-
-    def bench(
-        self, plan: FaultPlan | None = None, timeout: float | None = None
-    ) -> AbstractContextManager[Bench]:
-        return super().bench(plan, PATIENT if timeout is None else timeout)
-
-
 SUBJECTS = [
-    PatientSubject(kind, NamedDriver(name, driver, "", bool(driver.emulator)))
+    FaultySubject(kind, NamedDriver(name, driver, "", emulated=True), PATIENT)
+    if (kind, name) in OURS
+    else Subject(kind, NamedDriver(name, driver, "", emulated=False))
     for kind in InstrumentKind
     for name, driver in kind.ours.items()
     if driver.place
@@ -63,6 +51,15 @@ AT_ONCE = 24  # devices
 # One after the other: PyVISA has one manager for a process, and closes it under another's feet; a PPK2 sends
 # 100 000 samples a second, which the other devices' threads would make late; so would they RAPL's counters.
 ALONE = (("visa",), ("ppk2", "rapl"))
+TOLD = (
+    Promise("tells of an instrument that is not there", faults.absent_is_named),
+    Promise("tells of a cable that is pulled", faults.pulled_cable_is_told),
+    Promise("tells of a backlight that cannot be put back", faults.not_restored_is_told, (BACKLIGHT,)),
+)
+NOTHING_MADE_UP = [
+    Promise(f"makes nothing up where a reply {words}", faults.nothing_is_made_up(fault))
+    for fault, words in faults.WORDS.items()
+]
 IMPORTS = "is imported where no device library is installed"
 
 
@@ -86,6 +83,10 @@ def tried(promise: Promise) -> list[Subject]:
         if one.kind in promise.kinds
         and not promise.untried(one)
         and not (promise.opens and one.named.name in ("manual", "sysfs"))
+        and (promise not in TOLD or isinstance(one, FaultySubject))
+        and (
+            promise not in (*TOLD[1:], *NOTHING_MADE_UP) or (isinstance(one, FaultySubject) and one.has_line)
+        )
     ]
 
 
@@ -152,7 +153,7 @@ def test_every_driver_is_imported_on_a_computer_without_device_libraries() -> No
 @pytest.mark.parametrize("subject", SUBJECTS, ids=called)
 def test_every_driver_has_something_to_be_tried_on(subject: Subject) -> None:
     """An emulated instrument, or it is the simulation in this process."""
-    assert bool(subject.named.driver.emulator) == (subject.named.name not in WITHOUT_EMULATOR)
+    assert isinstance(subject, FaultySubject) == (subject.named.name not in WITHOUT_EMULATOR)
 
 
 @pytest.mark.parametrize(
@@ -163,7 +164,10 @@ def test_every_driver_has_something_to_be_tried_on(subject: Subject) -> None:
     ],
     ids=["luminance", "power"],
 )
-def test_an_emulated_instrument_says_that_it_is_none(device: Callable[..., Any]) -> None:
+def test_an_emulated_instrument_says_that_it_is_none(
+    device: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attach(monkeypatch)
     with device(warm_white_panel()) as opened:
         assert "SIMULATED" in " ".join(opened.apparatus().values())
 
@@ -226,7 +230,7 @@ NOWHERE = {
 }
 
 
-@pytest.mark.parametrize("subject", [one for one in SUBJECTS if one.named.driver.emulator], ids=called)
+@pytest.mark.parametrize("subject", [one for one in SUBJECTS if isinstance(one, FaultySubject)], ids=called)
 def test_an_instrument_that_is_not_there_is_named_with_where_it_was_sought(
     subject: Subject, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -39,8 +39,6 @@ GUARDED = {
     "hardware/drivers/device_lock.py": {"fcntl": 1, "major": 1, "minor": 1},  # ImportError: nothing is locked
     "hardware/drivers/program_lines.py": {"SIGKILL": 2, "killpg": 1, "set_blocking": 1},  # require_unix
     "hardware/drivers/serial_link.py": {"termios": 1},  # ImportError: HAS_TERMINALS
-    "hardware/emulators/link.py": {"tty": 1, "openpty": 1, "set_blocking": 1, "ttyname": 1},  # require_unix
-    "hardware/emulators/power_meters.py": {"mkfifo": 2, "O_NONBLOCK": 1},  # require_unix
     # sys.platform: Windows has another clock
     "hardware/presentation/openxr_runtime.py": {"CLOCK_MONOTONIC": 1, "clock_gettime_ns": 1},
     "experiments/follow/mpv_player.py": {"AF_UNIX": 1},  # hasattr, in follow_film.py
@@ -121,7 +119,6 @@ def test_logs_are_written_as_bytes() -> None:
         "data_schema/storage/whole_files.py",  # a folder, to lock it
         "hardware/drivers/device_lock.py",  # a device, to lock it
         "hardware/drivers/sysfs_backlight.py",  # Linux's
-        "hardware/emulators/power_meters.py",  # a named pipe
         "hardware/presentation/openxr_runtime.py",  # os.devnull, of which nothing is kept
     }
 
@@ -170,8 +167,6 @@ WORKING = (
 )
 REFUSED = (
     "follow sunrise track.csv --backlight ddc:5",
-    "measure power --instrument simulated:hwmon",
-    "measure power --instrument simulated:ppk2",
     "measure power --instrument exec:meter",
     "measure power --instrument adb:",
 )

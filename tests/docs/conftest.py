@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 from catalogues import cluster_here
 from command_variants import HERE, parse, trial_of
+from emulators.ours import attach
 from page_commands import ROOT, Step
 from reader_files import Shelf, install
 from warm_evenlight import Run
@@ -62,6 +63,7 @@ def reader(
     """Do what the reader of a page does, and return what went wrong."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(cache))
     monkeypatch.setenv("EVENLIGHT_CURVES_CACHE_MB", "100")
+    attach(monkeypatch)  # whose zero is set
     before = list(sys.path)
 
     def run(*words: str) -> Any:

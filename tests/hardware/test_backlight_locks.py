@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from emulators.ddc_monitor import EmulatedMonitor, emulated_control
+from emulators.link import EmulatedLink
 
 import evenlight
 from evenlight.hardware.drivers.ddc_backlight import DdcBacklight
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
-from evenlight.hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_control
-from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 ROOT = Path(evenlight.__file__).parents[1]

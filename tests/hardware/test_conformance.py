@@ -7,10 +7,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from emulators.link import LinkFault
+from emulators.ours import OURS, Emulated, LinkKind
+from line_faults import FaultySubject, not_restored_is_told, nothing_is_made_up
 
 import evenlight
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.conformance.conform import PROMISES, broken, conform, subject_named
+from evenlight.hardware.conformance.conform import PROMISES, Promise, broken, conform, subject_named
 from evenlight.hardware.conformance.subject import Subject
 from evenlight.hardware.driver import NamedDriver
 from evenlight.hardware.installed_drivers import InstrumentKind
@@ -105,7 +108,6 @@ LUMINANCE, POWER, BACKLIGHT = InstrumentKind
             "in place of an error",
         ),
         (LUMINANCE, {"close": keeps_open}, "says what it is", "more files open than there were"),
-        (LUMINANCE, {"read_luminance": forgets_the_number}, "comes late", "gave"),
         (POWER, {"samples": lambda self: []}, "samples powers", "no sample in"),
         (POWER, {"samples": lambda self: []}, "no samples before", "returned []"),
         (POWER, {"start": lambda self, rate: 10.0}, "refuses rates", "start(0): returned 10.0"),
@@ -119,7 +121,6 @@ LUMINANCE, POWER, BACKLIGHT = InstrumentKind
             "as it was found",
             "set to 1, it shines with",
         ),
-        (BACKLIGHT, {"close": lambda self: self._line.close()}, "cannot be put back", "in place of an error"),
     ],
 )
 def test_a_promise_that_is_broken_is_told_with_what_the_driver_did(
@@ -130,6 +131,33 @@ def test_a_promise_that_is_broken_is_told_with_what_the_driver_did(
     assert said in told
     assert bool(told) == bool(said)
     assert "\n" not in told
+
+
+@pytest.mark.parametrize(
+    ("kind", "methods", "check", "said"),
+    [
+        (LUMINANCE, {"read_luminance": forgets_the_number}, nothing_is_made_up(LinkFault.LATE_REPLY), "gave"),
+        (BACKLIGHT, {"close": lambda self: self._line.close()}, not_restored_is_told, "in place of an error"),
+    ],
+)
+def test_a_driver_that_a_failing_line_deceives_is_found_by_the_tests_of_ours(
+    example: Any, kind: InstrumentKind, methods: dict[str, Any], check: Any, said: str, monkeypatch: Any
+) -> None:
+    """As tests/conventions/test_drivers.py tries every driver of ours on a line that fails."""
+    from evenlight_instruments.emulated import EmulatedInstrument
+
+    class Quiet(EmulatedInstrument):
+        def stream(self) -> bytes:
+            return b""
+
+    monkeypatch.setitem(OURS, (kind, "tried"), Emulated(Quiet, LinkKind.TERMINAL))
+    for changes in ({}, methods):
+        named = changed(example, kind, **changes).named
+        monkeypatch.setitem(kind.ours, "tried", named.driver)
+        subject = FaultySubject(kind, replace(named, name="tried"))
+        told = broken(Promise("", check), subject)
+        assert (said if changes else "") in told
+        assert bool(told) == bool(changes)
 
 
 def test_libraries_that_are_imported_too_early_are_named(
@@ -144,13 +172,11 @@ def test_libraries_that_are_imported_too_early_are_named(
     assert "serial" in outcome(subject, "no device library")
 
 
-def test_a_bare_driver_without_an_instrument_says_what_could_not_be_tried() -> None:
-    """Untried are nine promises: of an instrument that is absent, a cable, and seven faults of replies."""
+def test_what_a_person_types_in_is_not_tried() -> None:
     lines: list[str] = []
-    kept, wrong, untried = conform(subject_named("simulated", "luminance"), lines.append)
-    assert (wrong, untried) == (0, 9)
-    assert sum(line.startswith("kept") for line in lines) == kept == len(lines) - 9
-    assert sum(line.startswith("not tried") for line in lines) == 9
+    kept, wrong, untried = conform(subject_named("manual", "luminance"), lines.append)
+    assert (kept, wrong, untried) == (2, 0, len(lines) - 2)
+    assert sum(line.startswith("not tried") for line in lines) == untried > 2
 
 
 def test_a_package_may_use_what_evenlight_itself_needs(

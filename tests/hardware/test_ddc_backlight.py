@@ -11,6 +11,9 @@ from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+from emulators import ddc_monitor
+from emulators.ddc_monitor import EmulatedMonitor, emulated_control
+from emulators.link import EmulatedLink, FaultPlan, LinkFault
 
 from evenlight.hardware.drivers.ddc_backlight import (
     BRIGHTNESS,
@@ -19,9 +22,6 @@ from evenlight.hardware.drivers.ddc_backlight import (
     DdcBacklight,
     checksum,
 )
-from evenlight.hardware.emulators import ddc_monitor
-from evenlight.hardware.emulators.ddc_monitor import EmulatedMonitor, emulated_control
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 
 pytestmark = pytest.mark.slow

@@ -77,7 +77,7 @@ def test_a_packages_meter_is_opened_at_its_address_and_says_whose_driver_it_is(i
         (
             entries("lab_b", "lab-b"),
             "import evenlight\nMETER = evenlight.Driver('lab_b:Meter', 'one', 'lab-b:PORT')",
-            "must be classes",
+            "must be a class",
         ),
     ],
 )

@@ -13,6 +13,9 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from emulators.link import EmulatedLink, ExtraReply, LinkFault
+from emulators.ours import open_at
+from emulators.program import EmulatedProgram
 
 import evenlight
 from evenlight.data_schema.errors import InputError
@@ -20,8 +23,6 @@ from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.conformance.conform import nothing_left_open
 from evenlight.hardware.conformance.subject import warm_white_panel
 from evenlight.hardware.drivers.exec_program import ExecBacklight, ExecLuminanceMeter, ExecPowerMeter
-from evenlight.hardware.emulators.link import EmulatedLink, ExtraReply, LinkFault
-from evenlight.hardware.emulators.program import EmulatedProgram
 from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import Fault, InstrumentError
@@ -193,8 +194,10 @@ class RandomPlan:
 def test_no_reading_is_made_up_in_exchanges_that_go_wrong_at_random() -> None:
     """The light changes before each question, so that an old answer is told from the true one."""
     seen, plan, right = warm_white_panel(), RandomPlan(), 0
-    driver = find_driver("simulated:exec", InstrumentKind.LUMINANCE).driver
-    with EmulatedLink(EmulatedProgram(seen)) as link, driver.open_at(link.url, time.monotonic, 30.0) as meter:
+    with (
+        EmulatedLink(EmulatedProgram(seen)) as link,
+        open_at(InstrumentKind.LUMINANCE, "exec", link.url, time.monotonic, 30.0) as meter,
+    ):
         meter.read_luminance()
         link._plan = plan
         for number in range(EXCHANGES):

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulators.power_meters import HwmonEmulator
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.drivers.hwmon_power import HwmonPowerMeter
-from evenlight.hardware.emulators.power_meters import HwmonEmulator
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock

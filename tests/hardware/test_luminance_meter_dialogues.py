@@ -4,6 +4,7 @@ import time
 from collections.abc import Sequence
 
 import pytest
+from emulators.link import EmulatedLink
 from scripted_instrument import ScriptedInstrument
 
 from evenlight.data_schema.recordings.instrument_logs import MeterReading
@@ -12,7 +13,6 @@ from evenlight.hardware.drivers import serial_meter
 from evenlight.hardware.drivers.colorcal import ColorCal
 from evenlight.hardware.drivers.konica_minolta import CHECK_CODES, Cs100a, Ls100
 from evenlight.hardware.drivers.photo_research import ERROR_CODES, PR650_QUALITY, Pr650, Pr655, Pr670
-from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.protocols import Fault, InstrumentError, LuminanceMeter, Reading
 
 TIMEOUT = 4.0  # [s] one test waits so long; a busy machine answers within it

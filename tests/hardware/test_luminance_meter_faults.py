@@ -23,14 +23,14 @@ from typing import Any
 import numpy as np
 import pytest
 import serial
+from emulators.ours import OURS, LinkKind
 
-from evenlight.hardware.driver import LinkKind
-from evenlight.hardware.driver_table import LUMINANCE_METERS
 from evenlight.hardware.drivers import serial_link, serial_meter
 from evenlight.hardware.drivers.colorcal import ColorCal
 from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100, Ls110
 from evenlight.hardware.drivers.photo_research import Pr650, Pr655, Pr670
 from evenlight.hardware.drivers.spotread import Spotread
+from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import InstrumentError, LuminanceMeter
 
 EXCHANGES = int(os.environ.get("EVENLIGHT_FAULT_EXCHANGES", "200"))
@@ -457,7 +457,7 @@ def test_no_fault_on_the_way_makes_up_a_number(
 def test_every_luminance_meter_that_answers_by_itself_is_among_them() -> None:
     serial_ones = {
         name
-        for name, driver in LUMINANCE_METERS.items()
-        if driver.emulator and driver.link is not LinkKind.OWN
+        for (kind, name), emulated in OURS.items()
+        if kind is InstrumentKind.LUMINANCE and emulated.link is not LinkKind.OWN
     }
     assert serial_ones - {"exec"} < set(METERS)  # a program: tests/hardware/test_exec_program.py

@@ -11,12 +11,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-
-from evenlight.hardware.drivers.colorcal import ColorCal
-from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100, Ls110
-from evenlight.hardware.drivers.photo_research import Pr650, Pr655, Pr670
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.emulators.luminance_meters import (
+from emulators.link import EmulatedLink, FaultPlan, LinkFault
+from emulators.luminance_meters import (
     WHITE,
     EmulatedColorCal,
     EmulatedCs100a,
@@ -26,6 +22,10 @@ from evenlight.hardware.emulators.luminance_meters import (
     EmulatedPr655,
     EmulatedPr670,
 )
+
+from evenlight.hardware.drivers.colorcal import ColorCal
+from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100, Ls110
+from evenlight.hardware.drivers.photo_research import Pr650, Pr655, Pr670
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, LuminanceMeter
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation

@@ -5,10 +5,10 @@ from collections.abc import Callable
 
 import pytest
 import serial
+from emulators.link import EmulatedLink
 
 from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100
 from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
-from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.protocols import Fault, InstrumentError, Reading
 
 READING = b"OK00,  123.4\r\n"

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink
 from scripted_instrument import ScriptedInstrument
 
 from evenlight.hardware.driver_table import LUMINANCE_METERS
@@ -13,7 +14,6 @@ from evenlight.hardware.drivers.manual_meter import ManualMeter
 from evenlight.hardware.drivers.photo_research import Pr655
 from evenlight.hardware.drivers.serial_meter import SerialMeter
 from evenlight.hardware.drivers.spotread import Spotread
-from evenlight.hardware.emulators.link import EmulatedLink
 from evenlight.hardware.plausibility import LUMINANCES, distance_from_lights, require_luminance
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 

@@ -7,13 +7,13 @@ import sys
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink
+from emulators.power_meters import Ppk2Emulator, calibration
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.drivers import ppk2_port as stream
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
-from evenlight.hardware.emulators.link import EmulatedLink
-from evenlight.hardware.emulators.power_meters import Ppk2Emulator, calibration
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock

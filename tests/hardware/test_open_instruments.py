@@ -6,6 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink
+from emulators.ours import attach
+from emulators.power_board import PowerBoardEmulator
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
@@ -13,8 +16,6 @@ from evenlight.data_schema.recordings.sweep_fit import LuminanceLevel
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.hardware.backlight_curve import LinearizedBacklight
 from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
-from evenlight.hardware.emulators.link import EmulatedLink
-from evenlight.hardware.emulators.power_board import PowerBoardEmulator
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.rig import (
     backlights_smallest_factor,
@@ -75,13 +76,17 @@ def test_a_board_that_is_meter_and_backlight_is_opened_once() -> None:
             works_alike(simulation, f"board:{link.url}")
 
 
-def test_an_emulated_board_is_shared_by_what_looks_at_the_same_panel() -> None:
+def test_an_emulated_board_is_shared_by_what_looks_at_the_same_panel(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    attach(monkeypatch)
     simulation = seen()
     for _ in range(2):
         works_alike(simulation, "simulated:board")
 
 
-def test_boards_on_two_panels_are_two_boards() -> None:
+def test_boards_on_two_panels_are_two_boards(monkeypatch: pytest.MonkeyPatch) -> None:
+    attach(monkeypatch)
     one, other = seen(), seen()
     with open_power_meter("simulated:board", time.monotonic, one) as meter:
         backlight = open_backlight(with_backlight("simulated:board"), time.monotonic, other)

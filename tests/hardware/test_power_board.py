@@ -7,6 +7,8 @@ import time
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink, FaultPlan, LinkFault
+from emulators.power_board import BoardBuild, PowerBoardEmulator
 from scripted_instrument import ScriptedInstrument
 
 from evenlight.data_schema.errors import InputError
@@ -14,8 +16,6 @@ from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.drivers import board_protocol as protocol
 from evenlight.hardware.drivers.board_link import PowerBoard
 from evenlight.hardware.drivers.power_board import SILENCE, BoardBacklight, BoardPowerMeter
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.emulators.power_board import BoardBuild, PowerBoardEmulator
 from evenlight.hardware.power_average import average_power, averaged
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock

@@ -13,13 +13,13 @@ from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink, FaultPlan, LinkFault
+from emulators.power_board import PowerBoardEmulator
+from emulators.power_meters import Ppk2Emulator, ScpiEmulator
 
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.drivers.power_board import BoardPowerMeter
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter, VisaPowerMeter
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.emulators.power_board import PowerBoardEmulator
-from evenlight.hardware.emulators.power_meters import Ppk2Emulator, ScpiEmulator
 from evenlight.hardware.power_average import PowerAverage, average_power
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
 from evenlight.hardware.simulated.clocks import WaitingClock

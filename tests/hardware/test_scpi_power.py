@@ -8,14 +8,14 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink
+from emulators.power_meters import SCPI_QUESTIONS, ScpiEmulator
 from scripted_instrument import ScriptedInstrument
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.drivers.scpi_answers import number_in
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter
-from evenlight.hardware.emulators.link import EmulatedLink
-from evenlight.hardware.emulators.power_meters import SCPI_QUESTIONS, ScpiEmulator
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock

@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 import pytest
 import serial
+from emulators.link import EmulatedLink
+from emulators.ours import OURS, LinkKind, open_at
+from emulators.power_board import PowerBoardEmulator
 
-from evenlight.hardware.driver import Driver, LinkKind
 from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS
 from evenlight.hardware.drivers.serial_link import SerialLink
-from evenlight.hardware.emulators.link import EmulatedLink
+from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 
@@ -45,12 +47,7 @@ LINES = {
     "ppk2": SerialLine(9600, 8, "N", 1, None, None),  # ppk2-api 0.9.2; USB takes any rate
     "scpi": SCPI,  # assumed; the line feed is SCPI-99's
 }
-DRIVERS = [
-    (f"{kind} {name}", name, driver)
-    for kind, table in (("luminance", LUMINANCE_METERS), ("power", POWER_METERS), ("backlight", BACKLIGHTS))
-    for name, driver in table.items()
-    if driver.emulator and driver.link is not LinkKind.OWN
-]
+DRIVERS = [each for each in OURS if OURS[each].link is not LinkKind.OWN]
 NOT_SERIAL = {"visa", "ddc", "exec"}  # PyVISA's resource, an I2C bus, a program
 
 
@@ -63,8 +60,8 @@ def simulation() -> Simulation:
 class Listener:
     """An emulated instrument, and all that was sent to it."""
 
-    def __init__(self, driver: Driver) -> None:
-        self._emulator = driver.load_emulator()(simulation())
+    def __init__(self, kind: InstrumentKind, name: str) -> None:
+        self._emulator = OURS[kind, name].emulator(simulation())
         self.sent = b""
 
     def receive(self, data: bytes) -> bytes:
@@ -78,9 +75,9 @@ class Listener:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "driver"), [one[1:] for one in DRIVERS], ids=[one[0] for one in DRIVERS])
+@pytest.mark.parametrize(("kind", "name"), DRIVERS, ids=lambda one: getattr(one, "name", one))
 def test_a_port_is_opened_as_the_manual_says(
-    name: str, driver: Driver, monkeypatch: pytest.MonkeyPatch
+    kind: InstrumentKind, name: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[Any] = []
     ends: set[bytes] = set()
@@ -96,10 +93,10 @@ def test_a_port_is_opened_as_the_manual_says(
 
     monkeypatch.setattr(serial.SerialBase, "__init__", recorded)
     monkeypatch.setattr(SerialLink, "read_until", told)
-    listener = Listener(driver)
+    listener = Listener(kind, name)
     with (
-        EmulatedLink(listener, pseudo_terminal=driver.link is LinkKind.TERMINAL) as link,
-        driver.open_at(link.url, time.monotonic),
+        EmulatedLink(listener, pseudo_terminal=OURS[kind, name].link is LinkKind.TERMINAL) as link,
+        open_at(kind, name, link.url, time.monotonic),
     ):
         if name in NOT_SERIAL:
             assert opened == []
@@ -137,7 +134,7 @@ def test_another_rate_of_a_board_reaches_the_port(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(serial, "serial_for_url", recorded)
     driver = POWER_METERS["board"]
     with (
-        EmulatedLink(driver.load_emulator()(simulation()), pseudo_terminal=True) as link,
+        EmulatedLink(PowerBoardEmulator(simulation()), pseudo_terminal=True) as link,
         driver.load()(f"{link.url}?baud=921600"),
     ):
         assert rates == [921600]

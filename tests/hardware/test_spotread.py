@@ -7,12 +7,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from emulators.link import FaultPlan, LinkFault
+from emulators.luminance_meters import WHITE
+from emulators.spotread import WORDS, EmulatedSpotread
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.drivers.spotread import Spotread
-from evenlight.hardware.emulators.link import FaultPlan, LinkFault
-from evenlight.hardware.emulators.luminance_meters import WHITE
-from evenlight.hardware.emulators.spotread import WORDS, EmulatedSpotread
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation

@@ -13,14 +13,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from emulators.link import EmulatedLink, FaultPlan, LinkFault
+from emulators.luminance_meters import EmulatedColorCal, EmulatedLs100, EmulatedPr655
+from emulators.ours import attach
+from emulators.power_board import PowerBoardEmulator
 
 from evenlight.data_schema.recordings.instrument_logs import MeterReading, PowerSample
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.hardware import measuring
 from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan, LinkFault
-from evenlight.hardware.emulators.luminance_meters import EmulatedColorCal, EmulatedLs100, EmulatedPr655
-from evenlight.hardware.emulators.power_board import PowerBoardEmulator
 from evenlight.hardware.measure_command import driver_names
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
@@ -98,7 +99,10 @@ def test_quiet_leaves_only_the_closing_line(command: Any) -> None:
     assert done.out.count("\n") == 1
 
 
-def test_a_driver_on_its_emulated_instrument_shows_chromaticity_too(command: Any) -> None:
+def test_a_driver_on_its_emulated_instrument_shows_chromaticity_too(
+    command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    attach(monkeypatch)
     done = command("measure", "luminance", "--instrument", "simulated:cs100a", "--count", 1)
     assert done.code == 0
     assert re.search(r"1 .* cd/m\^2  x 0\.\d{4}  y 0\.\d{4}  OK00", done.out)
@@ -123,8 +127,11 @@ def test_power_is_averaged_kept_and_its_samples_counted(command: Any, tmp_path: 
     assert command("validate", table).code == 0
 
 
-def test_without_a_rate_a_meter_is_read_as_often_as_it_is_for(command: Any) -> None:
+def test_without_a_rate_a_meter_is_read_as_often_as_it_is_for(
+    command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """RAPL's counters have 20 Hz at most."""
+    attach(monkeypatch)
     ended = command("measure", "power", "--instrument", "simulated:rapl", "--seconds", 0.5)
     assert ended.code == 0, ended.err
     assert "10 samples a second\n" in ended.out
@@ -212,7 +219,11 @@ def test_what_was_read_before_the_cable_was_pulled_is_kept(command: Any, tmp_pat
             "no luminance meter 'ls10'; did you mean 'ls1",
         ),
         (("luminance", "--instrument", "ls100"), "where is it? Give ls100:ADDRESS"),
-        (("luminance", "--instrument", "simulated:manual"), "no emulated luminance meter 'manual'"),
+        (
+            ("luminance", "--instrument", "simulated:ls100"),
+            "brings no emulated instrument; `simulated` needs no",
+        ),
+        (("luminance", "--instrument", "simulated:ls10"), "no emulated luminance meter 'ls10'"),
         (("power", "--instrument", "ls100:COM3"), "no power meter 'ls100'"),
         (("power", "--instrument", "simulated", "--seconds", "0.01"), "an average needs at least 2 samples"),
         (("power", "--instrument", "simulated", "--rate-hz", "0"), "an average needs at least 2 samples"),
@@ -256,6 +267,7 @@ def test_a_zero_is_set_after_the_person_has_pressed_enter(
     command: Any, monkeypatch: pytest.MonkeyPatch, driver: str, words: str
 ) -> None:
     """The simulated instruments look at a panel that is off."""
+    attach(monkeypatch)
     asked: list[str] = []
 
     def enter(question: str) -> str:
@@ -324,6 +336,7 @@ def test_an_interruption_closes_the_port_and_keeps_what_was_read(
         return wait
 
     table, bench_for = tmp_path / "luminance.csv", measuring.bench_for
+    attach(monkeypatch)
     wait = interrupted([])
     monkeypatch.setattr(
         measuring,
@@ -336,14 +349,17 @@ def test_an_interruption_closes_the_port_and_keeps_what_was_read(
 
 
 def test_a_process_that_is_interrupted_has_its_samples_on_the_disk(tmp_path: Path) -> None:
-    table = tmp_path / "simulated-power.csv"
-    words = ["measure", "power", "--instrument", "simulated:board", "--seconds", "60", "--out", str(table)]
-    with subprocess.Popen(
-        [sys.executable, "-c", "from evenlight.command import main; main()", *words],
-        stdout=subprocess.DEVNULL,
-        stderr=subprocess.PIPE,
-        text=True,
-    ) as process:
+    table = tmp_path / "power.csv"
+    words = ["measure", "power", "--seconds", "60", "--out", str(table), "--instrument"]
+    with (
+        EmulatedLink(PowerBoardEmulator(seen()), pseudo_terminal=True) as link,
+        subprocess.Popen(
+            [sys.executable, "-c", "from evenlight.command import main; main()", *words, f"board:{link.url}"],
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.PIPE,
+            text=True,
+        ) as process,
+    ):
         end = time.monotonic() + 200
         while not (table.exists() and table.read_text().count("\n") > 10):
             assert process.poll() is None

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from emulators.ours import attach
 
 from evenlight.analysis.played_power.device_saving import device_saving
 from evenlight.data_schema.errors import InputError
@@ -116,7 +117,8 @@ def test_a_simulated_device_saves_what_its_panel_does(command: Any, tmp_path: Pa
 
 
 @pytest.mark.slow
-def test_it_is_tried_on_an_emulated_phone(command: Any, tmp_path: Path) -> None:
+def test_it_measures_an_emulated_phone(command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    attach(monkeypatch)
     words = ("--rounds", "2", "--seconds", "4", "--settle-s", "0.1", "--rate-hz", "20")
     out = tmp_path / "power"
     done = command("measure", "saving", "--instrument", "simulated:adb", *FILMS, *words, "--out", out)

@@ -5,6 +5,7 @@ import json
 import os
 
 import pytest
+from emulators.ours import attach
 from warm_evenlight import Run
 
 from evenlight.analysis.sweeps.sweep_report import fit_sweep
@@ -77,7 +78,10 @@ def test_a_power_sweep_ends_in_a_power_model_that_is_the_panels(lab, tmp_path):
     assert fit.simulated
 
 
-def test_optimize_takes_what_the_sweeps_of_a_new_display_made(lab, new_rig, tmp_path, command, make_video):
+def test_optimize_takes_what_the_sweeps_of_a_new_display_made(
+    lab, new_rig, tmp_path, command, make_video, monkeypatch
+):
+    attach(monkeypatch)
     rig = new_rig("simulated:ls100")
     for task in ("luminance-sweep", "power-sweep"):
         done = lab(task, "--session", "01", "--design", "quick", rig=rig)

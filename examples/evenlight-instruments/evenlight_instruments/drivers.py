@@ -13,12 +13,11 @@ from evenlight import (
     Driver,
     Fault,
     InstrumentError,
-    LinkKind,
     PowerSample,
     Reading,
     restore_and_release,
 )
-from evenlight_instruments.emulated import EmulatedInstrument
+from evenlight_instruments.emulated import emulated
 from evenlight_instruments.line import NumberedLine
 
 LOWEST_RATE, HIGHEST_RATE = 1.0, 50.0  # [Hz]
@@ -147,7 +146,7 @@ class Lamp(Instrument):
         return taken / self.STEPS
 
 
-TRIED_ON: dict[str, Any] = {"emulator": EmulatedInstrument, "link": LinkKind.TERMINAL}
+TRIED_ON: dict[str, Any] = {"emulator": emulated}
 SPOT = Driver(Spot, "example spot meter", "example-spot:PORT", "115200 8N1", **TRIED_ON)
 WATT = Driver(Watt, "example power meter", "example-watt:PORT", "115200 8N1; 1 to 50 Hz", **TRIED_ON)
 LAMP = Driver(Lamp, "example lamp", "example-lamp:PORT", "115200 8N1; 200 steps", **TRIED_ON)

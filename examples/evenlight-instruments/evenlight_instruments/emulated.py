@@ -1,14 +1,18 @@
-"""The instruments' side of the line, for `simulated:example-spot` and the conformance test.
+"""The side of the instruments, for `simulated:example-spot` and `measure conform`: no device is needed."""
 
-An emulated instrument is made of a simulation, whose panel it measures or dims: `receive` is given what the
-driver sent and returns what is answered; `stream` returns what the instrument sends of itself.
-"""
-
+import os
+import select
+import threading
+import tty
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
+
+POLL = 0.01  # [s] between two looks whether it has ended
 
 
 class EmulatedInstrument:
-    """All three instruments in one."""
+    """All three instruments in one; the panel of a simulation is what they measure or dim."""
 
     def __init__(self, simulation: Any) -> None:
         self._panel, self._came, self._step = simulation.panel, b"", 200
@@ -17,10 +21,6 @@ class EmulatedInstrument:
         """Take some bytes that were sent, any part of a line, and return what is answered at once."""
         *lines, self._came = (self._came + data).split(b"\n")
         return b"".join(self._answer(line.decode()) for line in lines)
-
-    def stream(self) -> bytes:
-        """Return nothing: they speak when they are asked."""
-        return b""
 
     def _answer(self, line: str) -> bytes:
         """Return the answer to a line."""
@@ -31,3 +31,26 @@ class EmulatedInstrument:
         words = {"L?": f"{self._panel.luminance():.2f}", "W?": f"{self._panel.power():.4f}", "S?": "4711"}
         said = f"{number} {words.get(command, self._step)} "
         return f"{said}*{sum(said.encode()) % 256:02X}\n".encode()
+
+
+@contextmanager
+def emulated(simulation: Any) -> Iterator[str]:
+    """Yield the address of an emulated instrument: a pseudo-terminal, which is a serial port of 8N1."""
+    own, other = os.openpty()
+    tty.setraw(other)
+    instrument, ended = EmulatedInstrument(simulation), threading.Event()
+
+    def serve() -> None:
+        while not ended.is_set():
+            if select.select([own], [], [], POLL)[0]:
+                os.write(own, instrument.receive(os.read(own, 4096)))
+
+    thread = threading.Thread(target=serve, daemon=True)
+    thread.start()
+    try:
+        yield os.ttyname(other)
+    finally:
+        ended.set()
+        thread.join()
+        os.close(own)
+        os.close(other)

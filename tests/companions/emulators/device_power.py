@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import subprocess
 
-from evenlight.hardware.emulators.power_meters import PipedFiles
+from emulators.power_meters import PipedFiles
+
 from evenlight.hardware.simulated.panel import Simulation
 
 CELL = 3.9  # [V]

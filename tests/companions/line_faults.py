@@ -1,4 +1,4 @@
-"""Promises of a device whose instrument or line fails: errors in words, and nothing made up."""
+"""What our drivers promise where an instrument or its line fails: errors in words, and nothing made up."""
 
 from __future__ import annotations
 
@@ -6,8 +6,12 @@ import contextlib
 import time
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, ExitStack, contextmanager
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
+
+from emulators.link import ExtraReply, FaultPlan, LinkFault
+from emulators.ours import OURS, LinkKind, open_at
 
 from evenlight.hardware.conformance.subject import (
     SETTLED,
@@ -18,8 +22,9 @@ from evenlight.hardware.conformance.subject import (
     promised,
     refusal,
     require_told,
+    warm_white_panel,
 )
-from evenlight.hardware.emulators.link import ExtraReply, FaultPlan, LinkFault
+from evenlight.hardware.guarded_devices import GUARDS
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 
@@ -43,20 +48,64 @@ WORDS: dict[LinkFault | ExtraReply, str] = {
 }
 
 
-def absent_is_named(subject: Subject) -> None:
+@dataclass(frozen=True, slots=True)
+class LinkedBench(Bench):
+    """A device that is open on a link."""
+
+    link: Any
+
+
+@dataclass(frozen=True, slots=True)
+class FaultySubject(Subject):
+    """A driver of ours on its emulated instrument, whose line may be made to fail."""
+
+    patience: float | None = None  # [s] that a reply may take where none is said
+
+    @property
+    def has_line(self) -> bool:
+        """Whether that is at the end of a line, which can be made to fail."""
+        return OURS[self.kind, self.named.name].link is not LinkKind.OWN
+
+    @contextmanager
+    def bench(self, plan: FaultPlan | None = None, timeout: float | None = None) -> Iterator[LinkedBench]:
+        """Yield the driver, open; whoever asks closes it.
+
+        Parameters
+        ----------
+        plan : FaultPlan, optional
+            What goes wrong on the line.
+        timeout : float, optional
+            How long a reply may take [s].
+        """
+        simulation = warm_white_panel()
+        timeout = self.patience if timeout is None else timeout
+        with OURS[self.kind, self.named.name].linked(simulation, plan) as link:
+            # Unguarded: what is wrong when it is opened is seen as it is.
+            device = open_at(self.kind, self.named.name, link.url, time.monotonic, timeout)
+            yield LinkedBench(GUARDS[self.kind](self.named, lambda: device), simulation, link)
+
+    def use_absent(self) -> object:
+        """Open the driver where its emulated instrument was and is no more, and ask it once."""
+        with self.bench() as bench:
+            bench.device.close()
+        with open_at(self.kind, self.named.name, bench.link.url, time.monotonic) as device:
+            return self.use(device)
+
+
+def absent_is_named(subject: FaultySubject) -> None:
     """Require an error of an instrument that is not there."""
     error = refusal(subject.use_absent, "opened and asked where nothing is", *ABSENT)
     promised(len(str(error)) > 20, f"says no more than {str(error)!r}")
 
 
-def pulled_cable_is_told(subject: Subject) -> None:
+def pulled_cable_is_told(subject: FaultySubject) -> None:
     """Require an error where the cable is pulled while it is opened, or used."""
     for first in (1, 3):
         plan = FaultPlan(LinkFault.DISCONNECT, first)
         refusal(partial(_use_on_and_on, subject, plan), f"the cable was pulled at reply {first}", *PULLED)
 
 
-def _use_on_and_on(subject: Subject, plan: FaultPlan) -> None:
+def _use_on_and_on(subject: FaultySubject, plan: FaultPlan) -> None:
     """Open a device and ask it on and on: a break is noticed at once, or by a question soon after."""
     with subject.bench(plan, TIMEOUT) as bench, bench.device as device:
         if subject.kind is InstrumentKind.POWER:
@@ -67,10 +116,10 @@ def _use_on_and_on(subject: Subject, plan: FaultPlan) -> None:
             getattr(device, question)()
 
 
-def nothing_is_made_up(fault: LinkFault | ExtraReply) -> Callable[[Subject], None]:
+def nothing_is_made_up(fault: LinkFault | ExtraReply) -> Callable[[FaultySubject], None]:
     """Return the check that a reply that goes wrong makes an error or a true value, and the next ones too."""
 
-    def check(subject: Subject) -> None:
+    def check(subject: FaultySubject) -> None:
         with subject.bench() as bench, bench.device:
             opened = bench.link.replies()
         for first in dict.fromkeys((1, opened + 1, opened + 2)):
@@ -83,7 +132,7 @@ def nothing_is_made_up(fault: LinkFault | ExtraReply) -> Callable[[Subject], Non
 
 
 @contextmanager
-def _session(subject: Subject, plan: FaultPlan) -> Iterator[Bench | None]:
+def _session(subject: FaultySubject, plan: FaultPlan) -> Iterator[LinkedBench | None]:
     """Yield a device on a line that goes wrong; None if it cannot be opened for that."""
     with ExitStack() as stack:
         try:
@@ -155,7 +204,7 @@ _watch: dict[InstrumentKind, Callable[[Bench, str], None]] = {
 }
 
 
-def not_restored_is_told(subject: Subject) -> None:
+def not_restored_is_told(subject: FaultySubject) -> None:
     """Require that a backlight which cannot be put back is told of, and hides no other exception."""
 
     @contextmanager

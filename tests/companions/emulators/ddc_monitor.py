@@ -12,7 +12,6 @@ import operator
 import os
 import select
 import socket
-from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -135,13 +134,15 @@ def emulated_control(url: str) -> Any:
     return EmulatedControl(0)
 
 
-def backlight_on(url: str, clock: Callable[[], float], timeout: float | None = None) -> DdcBacklight:
-    """Return the driver on the link of an emulated monitor.
+class DdcOnLink(DdcBacklight):
+    """The driver at the port of an emulated monitor.
 
     A monitor takes its time by the computer's own clock, whatever `clock` other devices have, and the library
     has one time for a reply.
     """
-    return DdcBacklight(0, panel=emulated_control(url))
+
+    def __init__(self, port: int | str, clock: object = None, timeout: float | None = None) -> None:
+        super().__init__(0, panel=emulated_control(f"socket://127.0.0.1:{port}"))
 
 
 def _checksum(data: bytes) -> int:

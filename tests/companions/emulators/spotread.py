@@ -9,8 +9,9 @@ import tempfile
 from contextlib import AbstractContextManager
 from pathlib import Path
 
-from evenlight.hardware.emulators.link import EmulatedLink, FaultPlan
-from evenlight.hardware.emulators.luminance_meters import WHITE, EmulatedMeter, tristimulus
+from emulators.link import EmulatedLink, FaultPlan
+from emulators.luminance_meters import WHITE, EmulatedMeter, tristimulus
+
 from evenlight.hardware.protocols import Fault
 from evenlight.hardware.simulated.luminance_meter import SPOTREAD_PHYSICS, MeterPhysics
 from evenlight.hardware.simulated.panel import Simulation
