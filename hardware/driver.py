@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from evenlight.hardware.simulated.panel import Simulation
 
 SIMULATED = "simulated"  # by itself, an instrument in this process; before a driver's name, an emulated one
+GONE = {"rapl": "it saw the processor and not the panel; battery: tells what the whole computer takes"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +111,8 @@ def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDr
     offered = [each for each in drivers if (drivers[each].emulator if emulated else drivers[each].place)]
     if emulated and driver in drivers and driver not in offered:
         raise InputError(f"{name}: {driver} brings no emulated instrument; `simulated` needs no device")
+    if driver in GONE:
+        raise InputError(f"{name}: there is no {what} {driver!r} any more: {GONE[driver]}")
     if driver not in offered:
         kind = f"emulated {what}" if emulated else what
         raise InputError(f"{name}: there is no {kind} {driver!r}; {_offer(driver, offered)}")

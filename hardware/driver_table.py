@@ -101,7 +101,7 @@ POWER_METERS = {
         "the same port may be the rig's backlight; its sync input marks the frames",
     ),
     "hwmon": Driver(
-        "drivers.hwmon_power:HwmonPowerMeter",
+        "drivers.polled_power:HwmonPowerMeter",
         "a power sensor that Linux drives itself, under hwmon or iio",
         "hwmon:NAME or hwmon:FOLDER, e.g. hwmon:ina226; hwmon:NAME?channel=2",
         "files under /sys; as fast as the sensor's update_interval, at most 1000 Hz",
@@ -130,7 +130,7 @@ POWER_METERS = {
         "needs the extra: pip install '.[instruments]' in the checkout (pyvisa, pyvisa-py)",
     ),
     "battery": Driver(
-        "drivers.battery_power:BatteryPowerMeter",
+        "drivers.polled_power:BatteryPowerMeter",
         "this computer's battery, by its own gauge: all that the computer takes (Linux)",
         "battery: or battery:NAME, e.g. battery:BAT0",
         "files under /sys/class/power_supply; ask for 1 Hz: gauges are slow, and smooth",
@@ -138,17 +138,8 @@ POWER_METERS = {
         needs_address=False,
         sample_rate=1.0,
     ),
-    "rapl": Driver(
-        "drivers.rapl_power:RaplPowerMeter",
-        "the processor's energy counters, RAPL (Linux): not the panel",
-        "rapl: (package-0) or rapl:DOMAIN, e.g. rapl:psys",
-        "files under /sys/class/powercap, 20 Hz at most",
-        "since 2020 only root may read them; the error says how to allow it",
-        needs_address=False,
-        sample_rate=10.0,
-    ),
     "adb": Driver(
-        "drivers.adb_power:AdbPowerMeter",
+        "drivers.polled_power:AdbPowerMeter",
         "the battery of an Android headset or phone: all that the device takes",
         "adb: or adb:SERIAL, as `adb devices` lists it, e.g. adb:192.168.1.20:5555",
         "the program `adb`, over the network, for over a cable it charges; ask for 1 Hz",

@@ -35,7 +35,6 @@ POWERS: dict[str, Span] = {  # by the name of the driver [W]; ANY_POWER for the 
     "ppk2": Span(-0.05, 5.0, "Nordic's user guide: 0.8 to 5 V, up to 1 A; below 0 a zero error only"),
     "battery": Span(0.05, 500.0, "a computer that shows a film; the largest chargers of laptops have 330 W"),
     "adb": Span(0.02, 25.0, "a phone or headset with its screen on"),
-    "rapl": Span(0.0, 2000.0, "the largest processors take 500 W, computers with them 2000 W"),
 }
 
 # The chromaticities of single wavelengths, 380 to 700 nm: CIE 1931, 2 degrees (CIE 15:2004, table T.4). Those

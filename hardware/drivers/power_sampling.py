@@ -86,11 +86,19 @@ class PolledMeter(SamplingMeter):
         The computer's clock [s].
     rates : tuple of float
         Lowest and highest rate at which it may be read [Hz].
+    why : str
+        What explains the highest rate, for the message where more is asked for.
+
+    Raises
+    ------
+    InstrumentError
+        If it cannot be read now.
     """
 
-    def __init__(self, name: str, clock: Callable[[], float], rates: tuple[float, float]) -> None:
-        self._name, self._clock, self._rates = name, clock, rates
+    def __init__(self, name: str, clock: Callable[[], float], rates: tuple[float, float], why: str) -> None:
+        self._name, self._clock, self._rates, self._why = name, clock, rates, why
         self._sampling = PolledSampling()
+        self._read_power()
 
     def start(self, rate: float) -> float:
         """Begin to sample at a rate [Hz], and return it.
@@ -101,7 +109,7 @@ class PolledMeter(SamplingMeter):
             If the device has no new value that often.
         """
         self._require_open()
-        require_sample_rate(rate, *self._rates, self._name + self._why_no_faster())
+        require_sample_rate(rate, *self._rates, self._name + self._why)
         self._sampling.begin(rate, self._clock())
         return rate
 
@@ -132,11 +140,7 @@ class PolledMeter(SamplingMeter):
 
     @abstractmethod
     def _read_power(self) -> float:
-        """Return the power now, or since it was last read [W]."""
-
-    def _why_no_faster(self) -> str:
-        """Return what explains the highest rate."""
-        return ""
+        """Return the power now [W]."""
 
 
 def require_sample_rate(rate: float, lowest: float, highest: float, device: str) -> None:

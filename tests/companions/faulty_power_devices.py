@@ -29,8 +29,8 @@ import numpy as np
 
 from evenlight.hardware.drivers import scpi_lines
 from evenlight.hardware.drivers.ddc_backlight import DdcBacklight
-from evenlight.hardware.drivers.hwmon_power import HwmonPowerMeter
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
+from evenlight.hardware.drivers.polled_power import HwmonPowerMeter
 from evenlight.hardware.drivers.power_board import BoardBacklight, BoardPowerMeter
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter, VisaPowerMeter
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight

@@ -35,7 +35,6 @@ SCRIPT = Path(without_unix.__file__)
 GUARDED = {
     "data_schema/storage/whole_files.py": {"fcntl": 1},  # ImportError: nothing is locked
     "hardware/device_passes.py": {"SIGKILL": 1, "killpg": 1},  # HAS_UNIX: the player alone is ended
-    "hardware/drivers/adb_power.py": {"set_blocking": 1},  # require_unix
     "hardware/drivers/device_lock.py": {"fcntl": 1, "major": 1, "minor": 1},  # ImportError: nothing is locked
     "hardware/drivers/program_lines.py": {"SIGKILL": 2, "killpg": 1, "set_blocking": 1},  # require_unix
     "hardware/drivers/serial_link.py": {"termios": 1},  # ImportError: HAS_TERMINALS
@@ -168,7 +167,6 @@ WORKING = (
 REFUSED = (
     "follow sunrise track.csv --backlight ddc:5",
     "measure power --instrument exec:meter",
-    "measure power --instrument adb:",
 )
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.hardware.drivers.battery_power import BatteryPowerMeter
+from evenlight.hardware.drivers.polled_power import BatteryPowerMeter
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
@@ -115,7 +115,7 @@ def test_the_battery_of_a_mouse_is_not_the_computers(tmp_path) -> None:
 def test_of_two_batteries_one_must_be_named(tmp_path) -> None:
     battery(tmp_path, LAPTOP)
     battery(tmp_path, LAPTOP | {"current_now": "500000"}, "BAT1")
-    with pytest.raises(InstrumentError, match="several, battery:BAT0, battery:BAT1; name the one"):
+    with pytest.raises(InstrumentError, match="several, battery:BAT0, battery:BAT1; give one of these"):
         BatteryPowerMeter("", root=tmp_path)
     assert power(tmp_path, "BAT1") == pytest.approx(5.7)
 

@@ -10,7 +10,7 @@ import pytest
 from emulators.power_meters import HwmonEmulator
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.drivers.hwmon_power import HwmonPowerMeter
+from evenlight.hardware.drivers.polled_power import HwmonPowerMeter
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
@@ -207,17 +207,19 @@ def test_a_file_that_may_not_be_read_says_what_to_do(tmp_path, monkeypatch) -> N
 def test_a_sensor_that_is_not_there_is_told_with_those_that_are(tmp_path) -> None:
     sensor(tmp_path, {"name": "ina226\n", "power1_input": "1\n"})
     sensor(tmp_path, {"name": "coretemp\n", "temp1_input": "45000\n"}, "class/hwmon/hwmon0")
-    with pytest.raises(InstrumentError, match=r"no such power sensor; there is ina226 \(.*hwmon3\)$") as told:
+    with pytest.raises(
+        InstrumentError, match=r"hwmon:ina219: .* no such device; there is hwmon:.*hwmon3 \(ina226\)$"
+    ) as told:
         HwmonPowerMeter("ina219", root=tmp_path)
     assert told.value.fault is Fault.NOT_FOUND
-    with pytest.raises(InstrumentError, match="Linux shows none"):
+    with pytest.raises(InstrumentError, match="no such device; there is none"):
         HwmonPowerMeter("ina219", root=tmp_path / "empty")
 
 
 def test_two_sensors_of_a_name_must_be_identifiable(tmp_path) -> None:
     for number in (3, 4):
         sensor(tmp_path, {"name": "ina226\n", "power1_input": "1\n"}, f"class/hwmon/hwmon{number}")
-    with pytest.raises(InstrumentError, match=r"there are 2 of them; name one's folder: .*hwmon3, .*hwmon4"):
+    with pytest.raises(InstrumentError, match=r"there are several, hwmon:.*hwmon3, hwmon:.*hwmon4; give one"):
         HwmonPowerMeter("ina226", root=tmp_path)
 
 

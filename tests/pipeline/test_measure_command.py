@@ -130,11 +130,18 @@ def test_power_is_averaged_kept_and_its_samples_counted(command: Any, tmp_path: 
 def test_without_a_rate_a_meter_is_read_as_often_as_it_is_for(
     command: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """RAPL's counters have 20 Hz at most."""
+    """A battery's gauge is slow."""
     attach(monkeypatch)
-    ended = command("measure", "power", "--instrument", "simulated:rapl", "--seconds", 0.5)
+    ended = command("measure", "power", "--instrument", "simulated:battery", "--seconds", 3)
     assert ended.code == 0, ended.err
-    assert "10 samples a second\n" in ended.out
+    assert "1 samples a second\n" in ended.out
+
+
+def test_an_address_that_is_gone_is_told_what_takes_its_place(command: Any) -> None:
+    ended = command("measure", "power", "--instrument", "rapl:psys")
+    assert ended.code == 2
+    assert "no power meter 'rapl' any more" in ended.err
+    assert "battery:" in ended.err
 
 
 def test_samples_that_are_lost_or_come_twice_are_told(command: Any, tmp_path: Path) -> None:

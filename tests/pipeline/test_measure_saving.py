@@ -234,7 +234,7 @@ def test_steps_of_a_gauge_widen_an_interval_that_would_have_no_width(tmp_path) -
 
 
 def test_a_meter_at_0_w_is_an_error_in_words(laptop, clock, tmp_path, monkeypatch) -> None:
-    monkeypatch.setattr("evenlight.hardware.drivers.battery_power.drawn_power", lambda *words: 0.0)
+    monkeypatch.setattr("evenlight.hardware.drivers.polled_power.drawn_power", lambda *words: 0.0)
     request = PassRequest(f"battery:{laptop}", {"full": "a", "dimmed": "b"}, 2, 0.5, 0.0, 20.0, "")
     with pytest.raises(InstrumentError, match="0 W over a pass"):
         measure_passes(request, tmp_path / "out", lambda words: "", print)
@@ -245,7 +245,7 @@ def test_a_wild_sample_is_left_out_and_named(laptop, clock, tmp_path, monkeypatc
     """Every eighth reading of a steady 1 W is 49.5 W: the mean of the rest is 1 W, a saving of nothing."""
     readings = itertools.count()
     monkeypatch.setattr(
-        "evenlight.hardware.drivers.battery_power.drawn_power",
+        "evenlight.hardware.drivers.polled_power.drawn_power",
         lambda *words: 49.5 if next(readings) % 8 == 5 else 1.0,
     )
     request = PassRequest(f"battery:{laptop}", {"full": "a", "dimmed": "b"}, 2, 1.0, 0.0, 20.0, "")

@@ -1,4 +1,4 @@
-"""Emulated devices that tell their own power: a battery's gauge, the counters of RAPL, a phone over adb."""
+"""Emulated devices that tell their own power: a battery's gauge, a phone over adb."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from evenlight.hardware.simulated.panel import Simulation
 
 CELL = 3.9  # [V]
 BATTERY = "class/power_supply/battery"
-COUNTER_END = 65_532_610_987  # [µJ] as AMD's processors have it
 PHONE = "EMULATED0"
 # What `adb` does as far as the driver asks; the device's shell is this computer's, files lie in the folder.
 ADB = r"""#!/bin/sh
@@ -51,36 +50,6 @@ class BatteryEmulator(PipedFiles):
             {f"{BATTERY}/current_now": lambda: -simulation.panel.power() / CELL * 1e6},
         )
         self.url = str(self.folder / BATTERY)
-
-
-class RaplEmulator(PipedFiles):
-    """A domain of RAPL that counts the energy of a simulated panel; its counter is about to go round.
-
-    Parameters
-    ----------
-    simulation : Simulation
-        The panel and time.
-
-    Attributes
-    ----------
-    url : str
-        The folder, which a driver opens.
-    """
-
-    def __init__(self, simulation: Simulation) -> None:
-        self._simulation = simulation
-        self._counted, self._energy = simulation.clock(), COUNTER_END - 50_000.0  # [µJ]
-        super().__init__(
-            {"name": "package-0", "max_energy_range_uj": f"{COUNTER_END}"}, {"energy_uj": self._count}
-        )
-        self.url = str(self.folder)
-
-    def _count(self) -> float:
-        """Return the counter; what the panel takes now, it has taken since the last look."""
-        now = self._simulation.clock()
-        self._energy += self._simulation.panel.power() * (now - self._counted) * 1e6
-        self._counted, self._energy = now, self._energy % COUNTER_END
-        return self._energy
 
 
 class AdbEmulator(BatteryEmulator):

@@ -111,7 +111,6 @@ OURS: dict[tuple[InstrumentKind, str], Emulated] = {
     (POWER, "scpi"): Emulated(power_meters.ScpiEmulator, form="{host}:{port}"),
     (POWER, "visa"): Emulated(power_meters.ScpiEmulator, form="TCPIP::{host}::{port}::SOCKET"),
     (POWER, "battery"): Emulated(device_power.BatteryEmulator, _OWN),
-    (POWER, "rapl"): Emulated(device_power.RaplEmulator, _OWN),
     (POWER, "adb"): Emulated(device_power.AdbEmulator, _OWN),
     (POWER, "exec"): _EXEC,
     (BACKLIGHT, "ddc"): Emulated(EmulatedMonitor, form="{port}", place=DdcOnLink),
