@@ -10,6 +10,21 @@ class InputError(ValueError):
     """
 
 
+class FieldError(InputError):
+    """A field of a record that cannot be so: a program reads the argument's name, a file's reader the key."""
+
+    def __init__(self, of_argument: str, of_key: str) -> None:
+        super().__init__(of_argument, of_key)  # both, as workers of a cluster send it
+
+    def __str__(self) -> str:
+        return str(self.args[0])
+
+
+def told_of_file(error: Exception) -> str:
+    """Return what is wrong with a record that a file holds: its fields by the keys of the file."""
+    return str(error.args[1] if isinstance(error, FieldError) else error)
+
+
 def shown(value: object) -> str:
     """Return a value as it is put into a message: as JSON names its kind, and not too long.
 

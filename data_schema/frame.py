@@ -6,10 +6,13 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+from evenlight.data_schema.errors import InputError
 
 PIXEL_TYPES = ("uint8", "uint16", "float32", "float64")
 
@@ -90,8 +93,11 @@ class Frame:
     def __init__(self, time: float, duration: float, pixel_values: Pixels) -> None:
         for name, value in (("time", time), ("duration", duration), ("pixels", pixel_values)):
             object.__setattr__(self, name, value)
+        for name, value in (("time", time), ("duration", duration)):
+            if isinstance(value, bool) or not isinstance(value, Real):
+                raise InputError(f"{name} must be a number, got {value!r}")
         if not (math.isfinite(time) and 0 < duration < math.inf):
-            raise ValueError(
+            raise InputError(
                 f"a frame needs a finite time and a duration above 0 s, got {time:g} and {duration:g}"
             )
         if not isinstance(pixel_values, LumaChroma):
@@ -114,13 +120,15 @@ class Frame:
 
 
 def _check(pixels: NDArray[Any], time: float) -> None:
+    if not isinstance(pixels, np.ndarray):
+        raise InputError(f"pixel_values must be an array, got a {type(pixels).__name__}")
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype.name not in PIXEL_TYPES:
-        raise ValueError(
+        raise InputError(
             f"the frame at {time:g} s needs pixel values of shape (height, width, 3), "
             f"{', '.join(PIXEL_TYPES)}, got {pixels.shape} of {pixels.dtype}"
         )
     # Compiled loops take pixel values for indices of tables: a NaN would read beyond their ends.
     if pixels.dtype.kind == "f" and pixels.size and not (pixels.min() >= 0 and pixels.max() <= 1):
-        raise ValueError(
+        raise InputError(
             f"the frame at {time:g} s needs pixel values in [0, 1], got {pixels.min():g} to {pixels.max():g}"
         )

@@ -12,7 +12,7 @@ from collections.abc import Hashable, Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any, TypeVar
 
-from evenlight.data_schema.errors import InputError, shown
+from evenlight.data_schema.errors import InputError, shown, told_of_file
 from evenlight.data_schema.provenance import SCHEMA_VERSION, sha256_of_bytes
 from evenlight.data_schema.quantities import check_limits, file_key, limit_expected, typed
 
@@ -90,7 +90,7 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
             check_limits(made)
         return made
     except ValueError as error:
-        raise InputError(f"{where}: {error}") from None
+        raise InputError(f"{where}: {told_of_file(error)}") from None
 
 
 def problems_in(cls: type[Any], data: object, place: Place = ()) -> Iterator[tuple[Place, str]]:

@@ -14,7 +14,7 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
-from evenlight.data_schema.errors import InputError, shown
+from evenlight.data_schema.errors import FieldError, InputError, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -168,7 +168,8 @@ def record(cls: type[Class]) -> type[Class]:
 
     A choice may be given by its value, a tuple as a list or an array; arrays are copied, and cannot be
     written to. What is of another type or beyond a limit is refused with an `InputError`, and so is what the
-    class's own `__post_init__`, which holds the rules between fields, raises `ValueError` about.
+    class's own `__post_init__`, which holds the rules between fields, raises `ValueError` about. It names the
+    argument; who reads a file is told the key.
     """
     own: Callable[[Any], None] = cls.__dict__.get("__post_init__", lambda _: None)
 
@@ -179,14 +180,18 @@ def record(cls: type[Class]) -> type[Class]:
         except InputError:
             raise
         except ValueError as error:
-            raise InputError(str(error)) from None
+            of_argument = of_key = str(error)
+            for field in dataclasses.fields(self):
+                if field.metadata.get("unit") in UNIT_SUFFIX:
+                    of_argument = re.sub(rf"\b{file_key(field)}\b", field.name, of_argument)
+            raise FieldError(of_argument, of_key) from None
 
     cls.__post_init__ = __post_init__  # type: ignore[attr-defined]
     return dataclasses.dataclass(frozen=True, slots=True)(cls)
 
 
 def check_limits(record: Any) -> None:
-    """Raise `InputError` naming the quantity, what would be right and the value got, if a field is wrong.
+    """Raise `FieldError` naming the quantity, what would be right and the value got, if a field is wrong.
 
     Values are made those of their type. Arrays and tuples are checked element by element; None stands for
     "not measured" and has no limits.
@@ -225,12 +230,17 @@ def _checked(cls: type[Any]) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
 
 
 def _field_value(field: dataclasses.Field[Any], kind: Any, value: Any) -> Any:
-    if not field.metadata.get("shape"):
-        return typed(kind, value, file_key(field))
     try:
+        if not field.metadata.get("shape"):
+            return typed(kind, value, "")
         return None if value is None else read_only(value)  # what stands for None is the class's affair
     except (ValueError, TypeError) as error:
-        raise InputError(f"{file_key(field)}: {error}") from None
+        problem = str(error).removeprefix(": ")
+        raise _field_error(field, f": {problem}") from None
+
+
+def _field_error(field: dataclasses.Field[Any], problem: str) -> FieldError:
+    return FieldError(field.name + problem, file_key(field) + problem)
 
 
 def typed(kind: Any, value: Any, where: str, null: str = "") -> Any:
@@ -295,9 +305,9 @@ def choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
 
 
 def check_value(field: dataclasses.Field[Any], value: Any) -> None:
-    """Raise `InputError` if the value of a field, of the right type, is beyond its limits."""
+    """Raise `FieldError` if the value of a field, of the right type, is beyond its limits."""
     if broken := _broken_limit(field, value):
-        raise InputError(f"{file_key(field)} must {broken[0]} {broken[1]}")
+        raise _field_error(field, f" must {broken[0]} {broken[1]}")
 
 
 def limit_expected(field: dataclasses.Field[Any], value: Any) -> str:

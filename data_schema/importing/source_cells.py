@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from evenlight.data_schema.errors import InputError, shown
+from evenlight.data_schema.errors import InputError, shown, told_of_file
 from evenlight.data_schema.importing.import_mapping import UNITS, ImportMapping, fields_by_name
 from evenlight.data_schema.importing.source_tables import MISSING, Row, SourceTable
 from evenlight.data_schema.mapping import type_hints
@@ -225,7 +225,7 @@ class CellReader:
             if not own.metadata.get("pattern"):  # names are made fit later
                 check_value(own, value)
         except ValueError as error:
-            raise InputError(f"{where}: {error}") from None
+            raise InputError(f"{where}: {told_of_file(error)}") from None
         return value
 
     def values(self, cells: Cells, line: Row) -> dict[str, Any]:

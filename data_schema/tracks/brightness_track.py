@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.display import COARSEST, FINEST, HIGHEST_LUMINANCE, Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError, told_of_file
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import (
@@ -166,7 +166,7 @@ def read_track(path: Path) -> BrightnessTrack:
     try:
         track = BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
     except ValueError as error:
-        raise InputError(f"{path}: {error}") from error
+        raise InputError(f"{path}: {told_of_file(error)}") from error
     against = (track.factors[1:] - track.factors[:-1]) * track.rate[:-1] < 0
     if against.any():
         k = int(against.argmax())

@@ -336,8 +336,8 @@ def curves() -> LossCurves:
         ({"loss": np.array([[{}, {}]] * 2, dtype=object)}, ": holds no loss curves"),
         ({"factors": np.array([1.0, 0.2])}, ": factors must rise to 1 with at least two knots"),
         ({"factors": np.array([0.2, 0.9])}, ": factors must rise to 1 with at least two knots"),
-        ({"times": np.array([0.04, 0.0])}, ": times_s must rise from frame to frame"),
-        ({"durations": np.array([0.04, 0.0])}, ": durations_s must be above 0 s, got 0"),
+        ({"times": np.array([0.04, 0.0])}, ": times must rise from frame to frame"),
+        ({"durations": np.array([0.04, 0.0])}, ": durations must be above 0 s, got 0"),
         ({"times": None}, "times"),
     ],
 )
@@ -367,5 +367,5 @@ def test_a_plain_array_is_no_file_of_loss_curves(tmp_path: Path) -> None:
 
 
 def test_a_design_without_rates_says_so() -> None:
-    with pytest.raises(ValueError, match=r"relative_rates_per_s must hold at least 1 number\(s\), got 0"):
+    with pytest.raises(ValueError, match=r"relative_rates must hold at least 1 number\(s\), got 0"):
         RampDesign(relative_rates=())

@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import pickle
 import re
 import time
 from pathlib import Path
@@ -14,6 +15,7 @@ from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
@@ -47,7 +49,7 @@ def test_a_misspelt_key_is_named_with_the_right_one(tmp_path: Path) -> None:
 
 
 def test_a_limit_names_quantity_unit_and_value() -> None:
-    with pytest.raises(ValueError, match=r"peak_luminance_cd_m2 must be at least 1e-06 cd/m\^2, got -1"):
+    with pytest.raises(ValueError, match=r"^peak_luminance must be at least 1e-06 cd/m\^2, got -1"):
         Display("x", -1.0, 0.0, 2.2, 30.0)
 
 
@@ -56,9 +58,9 @@ def test_a_scalar_and_an_array_keep_the_same_limits() -> None:
     for factors in ((0.5, 1.5), (1.5,)):
         with pytest.raises(ValueError, match=r"factors must be at most 1, got 1\.5"):
             RampDesign(factors=factors)
-    with pytest.raises(ValueError, match=r"factor must be at most 1, got 1\.5"):
+    with pytest.raises(ValueError, match=r"factors must be at most 1, got 1\.5"):
         track(factors=np.array([0.5, 1.5]))
-    with pytest.raises(ValueError, match="factor must be above 0, got 0"):
+    with pytest.raises(ValueError, match="factors must be above 0, got 0"):
         track(factors=np.array([0.5, 0.0]))
 
 
@@ -66,9 +68,9 @@ def test_a_scalar_and_an_array_keep_the_same_limits() -> None:
 def test_numbers_are_finite(number: float) -> None:
     with pytest.raises(ValueError, match=f"gamma must be finite, got {number:g}"):
         Display("x", 100.0, 0.1, number, 30.0)
-    with pytest.raises(ValueError, match="relative_rates_per_s must be finite"):
+    with pytest.raises(ValueError, match="relative_rates must be finite"):
         RampDesign(relative_rates=(0.01, number))
-    with pytest.raises(ValueError, match=r"rate_cd_m2_s must be finite, got (nan|inf|-inf)"):
+    with pytest.raises(ValueError, match=r"rate must be finite, got (nan|inf|-inf)"):
         track(rate=np.array([0.0, number]))
 
 
@@ -90,8 +92,8 @@ def test_limits_are_kept_and_their_own_values_are_within_them() -> None:
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"peak_luminance": 1.1e6}, "peak_luminance_cd_m2 must be at most 1e"),
-        ({"reflected_luminance": 1e300}, "reflected_luminance_cd_m2 must be at most 1e"),
+        ({"peak_luminance": 1.1e6}, "peak_luminance must be at most 1e"),
+        ({"reflected_luminance": 1e300}, "reflected_luminance must be at most 1e"),
         ({"gamma": 5.5}, "gamma must be at most 5, got 5.5"),
         ({"pixels_per_degree": 1e300}, "pixels_per_degree must be at most 10000"),
         ({"pixels_per_degree": 1e-300}, "pixels_per_degree must be at least 0.001"),
@@ -105,11 +107,11 @@ def test_a_display_is_one_that_could_be_built(changes: dict[str, float], words: 
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
-        ({"field_size": 1e-200}, "field_size_deg must be at least 0.001 deg"),
-        ({"field_size": 361.0}, "field_size_deg must be at most 360 deg"),
+        ({"field_size": 1e-200}, "field_size must be at least 0.001 deg"),
+        ({"field_size": 361.0}, "field_size must be at most 360 deg"),
         ({"lowest_frequency": 1e300}, "lowest_frequency must be at most 1000"),
-        ({"epsilon": 1e300}, "epsilon_cd_m2 must be at most 1 cd"),
-        ({"epsilon": 1e-300}, "epsilon_cd_m2 must be at least 1e-12"),
+        ({"epsilon": 1e300}, "epsilon must be at most 1 cd"),
+        ({"epsilon": 1e-300}, "epsilon must be at least 1e-12"),
     ],
 )
 def test_a_contrast_model_is_one_that_can_be_computed(changes: dict[str, float], words: str) -> None:
@@ -149,15 +151,15 @@ def test_a_polynomial_that_is_infinite_both_ways_is_refused() -> None:
 @pytest.mark.parametrize(
     ("luminance", "lower", "words"),
     [
-        ((100.0, 10.0), (1.0, 1.0), "band_luminance_cd_m2 must rise"),
-        ((10.0, 50.0, 50.0, 100.0), (1.0,) * 4, "band_luminance_cd_m2 must rise"),
-        ((10.1, 100.0), (1.0, 1.0), "must cover luminance_range_cd_m2, 10 to 100, got 10.1 to 100"),
-        ((10.0, 99.0), (1.0, 1.0), "must cover luminance_range_cd_m2, 10 to 100, got 10 to 99"),
-        ((10.0,), (1.0,), "must cover luminance_range_cd_m2"),
+        ((100.0, 10.0), (1.0, 1.0), "band_luminance must rise"),
+        ((10.0, 50.0, 50.0, 100.0), (1.0,) * 4, "band_luminance must rise"),
+        ((10.1, 100.0), (1.0, 1.0), "must cover luminance_range, 10 to 100, got 10.1 to 100"),
+        ((10.0, 99.0), (1.0, 1.0), "must cover luminance_range, 10 to 100, got 10 to 99"),
+        ((10.0,), (1.0,), "must cover luminance_range"),
         (
             (10.0, 50.0, 100.0),
             (1.0, 2.5, 1.0),
-            r"need band_lower_cd_m2_s <= band_upper_cd_m2_s, got 2.5 and 2 at 50",
+            r"need band_lower <= band_upper, got 2.5 and 2 at 50",
         ),
     ],
 )
@@ -189,9 +191,9 @@ def test_a_power_model_needs_what_its_panel_takes_power_for(kind: PanelKind, wor
 
 
 def test_a_power_model_is_one_whose_power_can_be_written_down() -> None:
-    with pytest.raises(ValueError, match="power_per_luminance_w_m2_cd must be at most 1e"):
+    with pytest.raises(ValueError, match="power_per_luminance must be at most 1e"):
         PowerModel("x", PanelKind.LCD, 1.0, power_per_luminance=1e308, peak_luminance=1e308)
-    with pytest.raises(ValueError, match="blue_power_w must be at most 1e"):
+    with pytest.raises(ValueError, match="blue_power must be at most 1e"):
         PowerModel("x", PanelKind.OLED, 1.0, red_power=1.0, blue_power=1e308)
 
 
@@ -205,10 +207,10 @@ def test_a_choice_may_be_given_by_its_value() -> None:
         ({"kind": "nonsense"}, "kind: expected one of 'lcd', 'oled', got 'nonsense'"),
         ({"kind": None}, "kind: expected one of 'lcd', 'oled', got null"),
         ({"name": 3}, "name: expected text, got 3"),
-        ({"base_power": "1"}, "base_power_w: expected a number, got '1'"),
-        ({"base_power": True}, "base_power_w: expected a number, got true"),
-        ({"base_power": None}, "base_power_w: expected a number, got null"),
-        ({"base_power": 10**400}, "base_power_w: expected a number below 1.8e308"),
+        ({"base_power": "1"}, "base_power: expected a number, got '1'"),
+        ({"base_power": True}, "base_power: expected a number, got true"),
+        ({"base_power": None}, "base_power: expected a number, got null"),
+        ({"base_power": 10**400}, "base_power: expected a number below 1.8e308"),
         ({"provenance": {}}, "provenance: expected a Provenance or null, got a table"),
         ({"peak_luminance": 0.0}, "an lcd power model needs"),
     ],
@@ -263,7 +265,7 @@ def test_an_estimate_lies_in_its_interval() -> None:
 
 def test_frames_come_one_after_another() -> None:
     for times in ([0.0, 0.0], [0.04, 0.0]):
-        with pytest.raises(ValueError, match="time_s must rise from frame to frame"):
+        with pytest.raises(ValueError, match="times must rise from frame to frame"):
             track(times=np.array(times))
 
 
@@ -343,3 +345,19 @@ def test_a_long_track_is_read_well_within_a_second(tmp_path: Path) -> None:
     read = read_track(tmp_path / "track.csv")
     assert time.process_time() - begin < 1.0
     np.testing.assert_array_equal(read.factors, long.factors)
+
+
+def test_who_writes_a_record_is_told_the_argument_and_who_writes_a_file_the_key() -> None:
+    """So too where two fields contradict each other, and where a worker of a cluster sends the error."""
+    usual = limit(RateLimitForm.LN_RATE, (1.0,))
+    for changes, argument, key in (
+        ({"luminance_range": (50.0, 5.0)}, "luminance_range must rise", "luminance_range_cd_m2 must rise"),
+        ({"luminance_range": (-1.0, 5.0)}, "luminance_range must be at", "luminance_range_cd_m2 must be at"),
+        ({"luminance_range": "wide"}, "luminance_range: expected a list", "luminance_range_cd_m2: expected"),
+    ):
+        with pytest.raises(InputError, match=f"^{argument}") as refused:
+            dataclasses.replace(usual, **changes)
+        assert str(pickle.loads(pickle.dumps(refused.value))) == str(refused.value)
+        in_file = mapping_from_record(usual) | {f"{name}_cd_m2": value for name, value in changes.items()}
+        with pytest.raises(InputError, match=f"^x.json: {key}"):
+            record_from_mapping(RateLimit, in_file, "x.json")

@@ -94,9 +94,9 @@ def test_durations_of_zero_are_refused_and_time_stamps_must_rise(make_curves) ->
     with pytest.raises(ValueError, match="a duration above 0 s, got 1 and 0"):
         Frame(1.0, 0.0, np.zeros((8, 8, 3), np.uint8))
     curves = make_curves([0.2, 0.5, 0.6])
-    with pytest.raises(ValueError, match="durations_s must be above 0 s, got 0"):
+    with pytest.raises(ValueError, match="durations must be above 0 s, got 0"):
         replace(curves, durations=np.array([0.04, 0.0, 0.04]))
-    with pytest.raises(ValueError, match="times_s must rise from frame to frame"):
+    with pytest.raises(ValueError, match="times must rise from frame to frame"):
         replace(curves, times=np.array([0.0, 0.04, 0.04]))
 
 

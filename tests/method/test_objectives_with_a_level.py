@@ -222,7 +222,7 @@ def test_where_only_constant_dimming_is_possible_the_bound_equals_it(objective, 
 
 
 def test_a_rate_limit_below_zero_everywhere_is_refused_and_one_of_zero_is_not() -> None:
-    with pytest.raises(ValueError, match="rate below 0 at all of luminance_range_cd_m2, at most -1"):
+    with pytest.raises(ValueError, match="rate below 0 at all of luminance_range, at most -1"):
         RateLimit("r", "d", "", RateLimitForm.RATE, (-2.0, 1.0), (1.0, 100.0))
     RateLimit("r", "d", "", RateLimitForm.RATE, (0.0,), (1.0, 100.0))
 

@@ -52,7 +52,7 @@ def test_json_gives_every_number_back_bit_for_bit(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("times", "factors", "said"),
-    [([0.0, 0.0], [0.5, 0.5], "times_s must rise"), ([0.0], [0.5, 0.5], "equally long, got 1 and 2")],
+    [([0.0, 0.0], [0.5, 0.5], "times must rise"), ([0.0], [0.5, 0.5], "equally long, got 1 and 2")],
 )
 def test_a_track_that_contradicts_itself_is_refused(
     times: list[float], factors: list[float], said: str
