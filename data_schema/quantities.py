@@ -275,7 +275,7 @@ def typed(kind: Any, value: Any, where: str, null: str = "") -> Any:
     if origin is dict:
         if not isinstance(value, Mapping):
             raise InputError(f"{where}: expected a table of names and values{null}, got {shown(value)}")
-        return {str(key): typed(parts[1], each, where) for key, each in value.items()}
+        return {str(key): typed(parts[1], each, f"{where}: {key}") for key, each in value.items()}
     if dataclasses.is_dataclass(kind):
         raise InputError(f"{where}: expected a {getattr(kind, '__name__', kind)}{null}, got {shown(value)}")
     if isinstance(kind, type) and issubclass(kind, enum.Enum):
@@ -302,6 +302,15 @@ def choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
     except ValueError:
         known = ", ".join(repr(member.value) for member in kind)
         raise InputError(f"{where}: expected one of {known}, got {shown(value)}") from None
+
+
+def require_computable(where: str, value: object) -> None:
+    """Raise `InputError` for NaN, infinity, and whole numbers that no array can hold."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{where} must be a finite number, got {value:g}")
+    if isinstance(value, int) and abs(value) >= LARGEST_WHOLE:
+        got = f"one near 10^{math.log10(abs(value)):.0f}"
+        raise InputError(f"{where} must be a whole number below 2^63, got {got}")
 
 
 def check_value(field: dataclasses.Field[Any], value: Any) -> None:

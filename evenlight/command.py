@@ -5,11 +5,11 @@ from __future__ import annotations
 import functools
 import io
 import itertools
-import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,7 +33,7 @@ from evenlight.data_schema.checking import validate_command
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
-from evenlight.data_schema.quantities import LARGEST_WHOLE
+from evenlight.data_schema.quantities import require_computable
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 from evenlight.experiments import new_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
@@ -102,21 +102,11 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     def checked(**given: Any) -> Any:
         for name, value in given.items():
             for number in value if isinstance(value, list | tuple) else (value,):
-                _refuse_no_number(f"--{name.strip('_').replace('_', '-')}", number)
+                require_computable(f"--{name.strip('_').replace('_', '-')}", number)
         return command(**given)
 
     checked.__signature__ = declared_by_name(command)  # type: ignore[attr-defined] # which Typer reads
     return checked
-
-
-def _refuse_no_number(option: str, value: object) -> None:
-    """Refuse NaN, infinity, and whole numbers that no array can hold."""
-    if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(f"{option} must be a finite number, got {value:g}")
-    if isinstance(value, int) and abs(value) >= LARGEST_WHOLE:
-        raise InputError(
-            f"{option} must be a whole number below 2^63, got one near 10^{math.log10(abs(value)):.0f}"
-        )
 
 
 def demo(
@@ -207,7 +197,7 @@ def main(arguments: list[str] | None = None) -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a code page without "≤" or "λ", as on Windows
-    progress.told_by_default = "--quiet" not in given
+    progress.told_by_default, progress.begun = "--quiet" not in given, time.monotonic()
     try:
         _refuse_empty(given)
         with _termination_raised():

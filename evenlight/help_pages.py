@@ -112,9 +112,9 @@ def _argument(argument: TyperArgument) -> str:
 
 def _option(option: TyperOption, context: typer.Context) -> str:
     """Return an option with what it takes: nothing, if it is a flag."""
-    names = " / ".join([*option.opts, *option.secondary_opts])
-    if option.is_flag:
-        return names
+    if option.is_flag:  # what undoes it is for what `--request` asks, unless it is on without
+        return " / ".join([*option.opts, *(option.secondary_opts if option.default else ())])
+    names = " / ".join(option.opts)
     kind = option.display_type(context).strip("<>").removesuffix(" range")
     kind = kind.removeprefix("list[").removesuffix("]")
     return f"{names} {option.metavar or VALUES.get(kind, kind)}"

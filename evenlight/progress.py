@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
 told_by_default = False  # set by the command
+begun: float | None = None  # when the command began, by the clock of rich; set by the command [s]
 _shown: list[Progress] = []  # what shows the progress of the command that runs
 INTERVAL = 10.0  # between two lines, and before the first: what takes less says nothing [s]
 COMPILING = "compiling (once, about 20 s)"
@@ -27,9 +28,14 @@ class Progress:
     The bars of rich keep what is done; where nobody sees them, `write` takes lines in their place.
     """
 
-    def __init__(self, bars: Bars, write: Callable[[str], None] | None = None) -> None:
+    def __init__(
+        self, bars: Bars, write: Callable[[str], None] | None = None, begun: float | None = None
+    ) -> None:
         self._bars, self._write, self._compiling = bars, write, False
-        self._begun = self._told = bars.get_time()
+        self._told = bars.get_time()
+        self._begun = (
+            self._told if begun is None else begun
+        )  # a command may show several, one after the other
         self._step = self._bar("starting", None)
 
     def step(self, words: str, total: int | None = None) -> None:
@@ -77,22 +83,20 @@ class Progress:
 
     def _bar(self, words: str, total: int | None) -> TaskID:
         since = (self._bars.get_time(), 0)
-        bar = self._bars.add_task(
-            words, total=total, words=words, since=since, count="", left=""
-        )  # drawn at once
-        self._show(bar)
+        told: dict[str, Any] = {"words": words, "since": since, "count": "", "left": ""}
+        bar = self._bars.add_task(words, total=total, visible=False, **told)
+        self._bars.tasks[-1].start_time = self._begun  # the clock is that of the whole
+        self._show(bar, visible=True, refresh=True)  # drawn at once
         return bar
 
     def _show(self, bar: TaskID, **news: Any) -> None:
         """Show how much is done, and the time left: by all of it, as the last parts may come all at once."""
         self._bars.update(bar, **news)
         task = next(task for task in self._bars.tasks if task.id == bar)
-        (since, before), done, left = task.fields["since"], int(task.completed), "-:--:--"
-        if task.total is None:
-            left = ""
-        elif done > before and not self._compiling:
+        (since, before), done, left = task.fields["since"], int(task.completed), ""
+        if task.total is not None and done > before and not self._compiling:
             each = (self._bars.get_time() - since) / (done - before)
-            left = str(timedelta(seconds=math.ceil(each * max(task.total - done, 0))))
+            left = f"{timedelta(seconds=math.ceil(each * max(task.total - done, 0)))} left"
         count = f"{done} of {task.total:.0f}" if task.total else str(done or "")
         words = COMPILING if self._compiling else task.fields["words"]
         self._bars.update(bar, description=words, count=count, left=left)
@@ -103,14 +107,17 @@ def shown_progress(quiet: bool) -> Iterator[Progress]:
     """Show progress on standard error while a command works, and yield what it tells it to."""
     from numba.core.event import install_listener  # not needed by commands that are done at once
     from rich.console import Console
-    from rich.progress import BarColumn
+    from rich.progress import BarColumn, TimeElapsedColumn
     from rich.progress import Progress as Bars
 
     console, ended = Console(stderr=True), threading.Event()
     seen = console.is_terminal and not quiet
-    columns = "{task.description}", BarColumn(), "{task.fields[count]}", "[cyan]{task.fields[left]}"
+    columns = (
+        "{task.description}", BarColumn(), "{task.fields[count]}", TimeElapsedColumn(),
+        "[cyan]{task.fields[left]}",
+    )  # fmt: skip
     with Bars(*columns, console=console, transient=True, disable=not seen) as bars, ExitStack() as stack:
-        progress = Progress(bars, None if seen or quiet else _to_standard_error)
+        progress = Progress(bars, None if seen or quiet else _to_standard_error, begun)
 
         def tell() -> None:  # beside the work, which may not come to tell anything for minutes
             while not ended.wait(1.0):

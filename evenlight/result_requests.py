@@ -5,18 +5,22 @@ A command is wrapped: its options are what is asked, so that no option has to be
 
 from __future__ import annotations
 
+import copy
 import enum
 import functools
+import re
 import sys
 from collections.abc import Callable, Mapping
 from contextlib import suppress
 from inspect import Parameter, signature
 from pathlib import Path
-from typing import Annotated, Any
+from types import NoneType, UnionType
+from typing import Annotated, Any, get_args, get_origin
 
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import GONE, RIGHT_NAMES
 
 NOT_ASKED = ("request", "quiet")  # of no influence on a result
 
@@ -33,62 +37,143 @@ def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
     """
 
     @functools.wraps(command)
-    def noted(request: Path | None = None, **given: Any) -> None:
+    def noted(context: typer.Context | None = None, request: Path | None = None, **given: Any) -> None:
         inputs = _inputs(name, given)  # as they are before the work
         try:
             command(**given)
         except InputError as error:
-            if request is None:
+            if context is None or request is None:
                 raise
-            raise InputError(f"{error} (asked in {request})") from None
+            raise InputError(_told_of_file(str(error), request, context)) from None
         except typer.Exit:  # with results, though not all that was asked
             write_request(given["out"], name, given, inputs)
             raise
         write_request(given["out"], name, given, inputs)
 
+    declared = signature(command, eval_str=True)
+    kinds = {name: _kind_in_file(one) for name, one in declared.parameters.items()}
+
+    def ask_again(context: typer.Context, value: Path | None) -> Path | None:
+        if value is not None and not context.resilient_parsing:
+            context.default_map = _asked_in(_file_of(value), context, kinds)
+        return value
+
     option = typer.Option(
         metavar="FILE|DIR",
         rich_help_panel="Output",
         is_eager=True,
-        callback=_ask_again,
+        callback=ask_again,
         help="request.toml of an earlier result, to make it again; what is given beside it overrides it. The "
         "file has options for experts, too (docs/requests.md).",
     )
-    asked = Parameter(
-        "request", Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[Path | None, option]
-    )
-    declared = signature(command, eval_str=True)
-    own = [one.replace(kind=Parameter.KEYWORD_ONLY) for one in declared.parameters.values()]
-    noted.__signature__ = declared.replace(parameters=[*own, asked])  # type: ignore[attr-defined] # Typer reads it
+    own = {
+        "context": Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context),
+        "request": Parameter(
+            "request", Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[Path | None, option]
+        ),
+    }
+    asked = [
+        one.replace(kind=Parameter.KEYWORD_ONLY, annotation=_with_its_opposite(one))
+        for one in declared.parameters.values()
+    ]
+    noted.__signature__ = declared.replace(parameters=[*asked, *own.values()])  # type: ignore[attr-defined] # Typer reads it
     return noted
 
 
-def _ask_again(context: typer.Context, value: Path | None) -> Path | None:
-    """Have what a file asks stand for what the command line leaves out."""
-    if value is None or context.resilient_parsing:
-        return value
-    from evenlight.data_schema.mapping import unknown_key
+def _with_its_opposite(declared: Parameter) -> Any:
+    """Return what an option is declared as; a flag with what undoes it, where a request has it on."""
+    kind, *options = get_args(declared.annotation) or (declared.annotation,)
+    if kind is not bool or declared.default is not False or declared.name in NOT_ASKED:
+        return declared.annotation
+    option: Any = copy.copy(options[0])
+    flag = f"--{declared.name.replace('_', '-')}"
+    option.param_decls = (f"{flag}/{flag.replace('--no-', '--') if '--no-' in flag else f'--no-{flag[2:]}'}",)
+    return Annotated[bool, option]
+
+
+def _kind_in_file(declared: Parameter) -> Any:
+    """Return the type of an option as a file has it."""
+    kind = (get_args(declared.annotation) or [declared.annotation])[0]
+    parts = get_args(kind) if get_origin(kind) is UnionType else (kind,)
+    if list[str] in parts:
+        return tuple[str, ...]
+    return str if Path in parts else next((part for part in parts if part is not NoneType), kind)
+
+
+def _asked_in(file: Path, context: typer.Context, kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a file asks, which stands for what the command line leaves out."""
     from evenlight.data_schema.provenance import sha256_of_file
-    from evenlight.data_schema.result_request import REQUEST, ResultRequest
+    from evenlight.data_schema.result_request import ResultRequest
     from evenlight.data_schema.storage.text_files import read_toml_record
 
-    file = value / REQUEST if value.is_dir() else value
     request = read_toml_record(ResultRequest, file)
     if request.command != context.info_name:
         raise InputError(f"{file}: is of `evenlight {request.command}`; give it to that command")
-    names = {one.name.strip("_"): one.name for one in context.command.params if one.name}
+    options = {key: one for key, one in _options_by_key(context).items() if key not in NOT_ASKED}
     for key in request.asked:
-        if key not in names or key in NOT_ASKED:
-            raise InputError(f"{file}: asked: {unknown_key(key, set(names) - set(NOT_ASKED))}")
+        if key not in options:
+            raise InputError(f"{file}: asked: {_unknown(key, options)}")
     given = {
-        names[key]: list(told) if isinstance(told, tuple) else told for key, told in request.asked.items()
+        options[key].name: _value_of(told, options[key], kinds[options[key].name], f"{file}: asked: {key}")
+        for key, told in request.asked.items()
     }
-    context.default_map = given
     for of, sha256 in request.provenance.inputs.items():
         with suppress(InputError):
             if Path(of).exists() and sha256_of_file(Path(of)) != sha256:
                 print(f"evenlight: note: {of} is not as it was when {file} was written", file=sys.stderr)
+    return given
+
+
+def _file_of(named: Path) -> Path:
+    from evenlight.data_schema.result_request import REQUEST
+
+    return named / REQUEST if named.is_dir() else named
+
+
+def _options_by_key(context: typer.Context) -> dict[str, Any]:
+    return {one.name.strip("_"): one for one in context.command.params if one.name}
+
+
+def _unknown(key: str, options: Mapping[str, Any]) -> str:
+    """Return what is said of a key that there is not: the right one, as far as it can be told."""
+    from evenlight.data_schema.mapping import unknown_key
+
+    if why := GONE.get(key):
+        return f"{key}: {why}"
+    flag = f"--{key.replace('_', '-')}"  # as on the command line: `with` is the key `others`
+    meant = [name for name, one in options.items() if flag in one.opts]
+    right = RIGHT_NAMES.get(key) or next(iter(meant), None)
+    return f"unknown key {key!r}; it is called {right!r}" if right else unknown_key(key, options)
+
+
+def _value_of(told: Any, option: Any, kind: Any, where: str) -> Any:
+    """Return the value of a key as its option takes it; refuse one of another kind, or out of its range."""
+    from evenlight.data_schema.quantities import require_computable, typed
+    from evenlight.inputs import number
+
+    require_computable(where, told)
+    value = typed(kind, told, where)
+    if isinstance(value, enum.Enum | tuple):
+        return list(value) if isinstance(value, tuple) else value.value
+    if getattr(option, "min", None) is not None:
+        number(where, value, option.min, option.max)
     return value
+
+
+def _told_of_file(words: str, request: Path, context: typer.Context) -> str:
+    """Return what is wrong with what was asked: options that a file gives by their keys in it."""
+    keys = {
+        flag: key
+        for key, one in _options_by_key(context).items()
+        for flag in (*one.opts, *one.secondary_opts)
+        if getattr(context.get_parameter_source(one.name), "name", "") == "DEFAULT_MAP"
+    }
+    named = re.findall(r"--[a-z][a-z-]*", words)
+    if named and not keys.keys() & named:  # what the command line gave
+        return words
+    told = re.sub(r"--[a-z][a-z-]*", lambda found: keys.get(found[0], found[0]), words)
+    of_file = bool(named) and words.startswith(tuple(keys))
+    return f"{_file_of(request)}: asked: {told}" if of_file else f"{told} (asked in {_file_of(request)})"
 
 
 def write_request(folder: Path, name: str, given: Mapping[str, Any], inputs: Mapping[str, str]) -> None:

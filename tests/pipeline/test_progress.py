@@ -7,6 +7,7 @@ import numba
 import pytest
 from rich.console import Console
 from rich.progress import Progress as Bars
+from rich.progress import TimeElapsedColumn
 
 import evenlight
 from evenlight import progress as progress_module
@@ -111,6 +112,18 @@ def test_a_terminal_shows_a_bar_of_what_is_done(monkeypatch) -> None:
     assert "2 of 4" in screen.getvalue()
 
 
+def test_the_time_is_that_of_the_command_though_it_shows_several(clock) -> None:
+    """On a terminal and in lines: the analysis took 90 s, and the drawing does not begin at 0."""
+    said: list[str] = []
+    bars = Bars(TimeElapsedColumn(), get_time=clock, disable=True)
+    clock.now += 90
+    lines = Progress(bars, said.append, begun=clock.now - 90)
+    lines.step("drawing", 4)
+    assert said == ["evenlight: 1 min 30 s: drawing, 0 of 4"]
+    with lines.aside("light", 3):
+        assert [bars.columns[0].render(task).plain for task in bars.tasks] == ["0:01:30", "0:01:30"]
+
+
 def test_work_that_tells_nothing_for_long_is_told_of_all_the_same(monkeypatch, capfd) -> None:
     monkeypatch.setattr(progress_module, "INTERVAL", 0.0)
     with shown_progress(quiet=False) as progress:
@@ -164,19 +177,19 @@ def test_the_time_left_is_estimated_from_the_frames_after_compiling_alone(clock)
     bar.step("analysing", 100)
     clock.now += 0.5
     bar.at(1)
-    assert bars.tasks[0].fields["left"] == "0:00:50"  # 99 times 0.5 s
+    assert bars.tasks[0].fields["left"] == "0:00:50 left"  # 99 times 0.5 s
     bar.compiling(True)
     clock.now += 20.0
     bar.at(2)  # read ahead meanwhile
-    assert (bars.tasks[0].description, bars.tasks[0].fields["left"]) == (COMPILING, "-:--:--")
+    assert (bars.tasks[0].description, bars.tasks[0].fields["left"]) == (COMPILING, "")
     bar.compiling(False)
     assert (bars.tasks[0].description, bars.tasks[0].completed) == ("analysing", 2)
     for done in (3, 4, 5):
         clock.now += 0.1
         bar.at(done)
-    assert bars.tasks[0].fields["left"] == "0:00:10"  # whole seconds, rounded up
+    assert bars.tasks[0].fields["left"] == "0:00:10 left"  # whole seconds, rounded up
     bar.compiling(True)  # of another loop
-    assert bars.tasks[0].fields["left"] == "-:--:--"
+    assert bars.tasks[0].fields["left"] == ""
     assert bars.tasks[0].total == 100
 
 
@@ -188,11 +201,11 @@ def test_parts_that_come_all_at_once_are_not_taken_to_be_quick(clock) -> None:
     for seconds, done in ((15.99, 1), (0.01, 2)):
         clock.now += seconds
         bar.at(done, 40)
-    assert bars.tasks[0].fields["left"] == "0:05:04"
+    assert bars.tasks[0].fields["left"] == "0:05:04 left"
     with bar.aside("light", 64) as at:
         clock.now += 1.0
         at(32)
-        assert bars.tasks[1].fields["left"] == "0:00:01"
+        assert bars.tasks[1].fields["left"] == "0:00:01 left"
     assert len(bars.tasks) == 1
 
 
