@@ -10,11 +10,33 @@ from __future__ import annotations
 from functools import cache
 from pathlib import Path
 
-from evenlight.data_schema.analysis_results import PublishedValue
+from evenlight.data_schema.quantities import described, record
 from evenlight.data_schema.storage.tables import read_rows
 
 SURACE_2025 = Path(__file__).parent / "published" / "surace2025.published.csv"
 SEQUENCES = ("library", "gym", "living_room", "basement")  # in the order of Table 1
+
+
+@record
+class PublishedValue:
+    """A number as the paper prints it."""
+
+    name: str = described(
+        "table or figure, row and column, e.g. detail_quality.library.ours_mean",
+        pattern=r"^[a-z0-9_]+(\.[a-z0-9_]+)+$",
+    )
+    text: str = described(
+        "the digits as printed: how many there are says how it was rounded",
+        pattern=r"^-?[0-9]+(\.[0-9]+)?(e-?[0-9]+)?$",
+    )
+    unit: str = described("1 for a pure number, % for a percentage")
+    place: str = described("table, equation, figure or section it stands in")
+    note: str = described("what one should know of it; empty for nothing", default="")
+
+    @property
+    def number(self) -> float:
+        """The number that is printed."""
+        return float(self.text)
 
 
 def published(name: str) -> PublishedValue:

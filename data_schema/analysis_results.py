@@ -1,7 +1,7 @@
 """What analyses and plans write: rows of result tables, points of figures, and a summary beside them.
 
-A `Statistic` is a number with its interval and its origin; a `PlottedPoint` is a point of a figure; a
-`PublishedValue` is a number as the paper prints it; plans have a row per design and number of participants.
+A `Statistic` is a number with its interval and its origin; a `PlottedPoint` is a point of a figure; plans
+have a row per design and number of participants.
 """
 
 from __future__ import annotations
@@ -91,28 +91,6 @@ class AnalysisSummary:
     )
     roll: RollCall | None = described("sessions of the data set, those that were not read too", default=None)
     quick: bool = described("true for a quick run, whose numbers are no result", default=False)
-
-
-@record
-class PublishedValue:
-    """A number as the paper prints it."""
-
-    name: str = described(
-        "table or figure, row and column, e.g. detail_quality.library.ours_mean",
-        pattern=r"^[a-z0-9_]+(\.[a-z0-9_]+)+$",
-    )
-    text: str = described(
-        "the digits as printed: how many there are says how it was rounded",
-        pattern=r"^-?[0-9]+(\.[0-9]+)?(e-?[0-9]+)?$",
-    )
-    unit: str = described("1 for a pure number, % for a percentage")
-    place: str = described("table, equation, figure or section it stands in")
-    note: str = described("what one should know of it; empty for nothing", default="")
-
-    @property
-    def number(self) -> float:
-        """The number that is printed."""
-        return float(self.text)
 
 
 @record

@@ -11,7 +11,6 @@ from typing import Any
 from evenlight.data_schema.analysis_results import (
     AnalysisSummary,
     PlottedPoint,
-    PublishedValue,
     RampPlanRow,
     Statistic,
     ViewingPlanRow,
@@ -56,7 +55,6 @@ from evenlight.data_schema.tracks.brightness_track import (
     WeightSection,
 )
 from evenlight.data_schema.tracks.catalogue import (
-    CatalogueEntry,
     CatalogueResult,
     CatalogueRow,
 )
@@ -208,10 +206,8 @@ KINDS = (
         "analysis.json reproduction.json",
         "`evenlight analyze`, `evenlight reproduce`",
     ),
-    RecordKind(PublishedValue, _CSV, "*.published.csv", "a reader of the paper"),
     RecordKind(RampPlanRow, _CSV, "plan.csv", "`evenlight plan ramp`"),
     RecordKind(ViewingPlanRow, _CSV, "plan.csv", "`evenlight plan rating`, `comparison` and `search`"),
-    RecordKind(CatalogueEntry, _CSV, "*.catalogue.csv", "someone who has many videos"),
     RecordKind(CatalogueRow, _CSV, "catalogue.csv", "`evenlight catalogue`"),
     RecordKind(CatalogueResult, _JSON, "catalogue.json", "`evenlight catalogue`"),
     RecordKind(WeightSection, _CSV, "weights.csv *.weights.csv", "someone who knows the video"),

@@ -5,16 +5,17 @@ from __future__ import annotations
 import itertools
 import os
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, get_type_hints
 from urllib.parse import unquote
 
-from evenlight.analysis.tracks.track_request import TrackRequest
+from evenlight.analysis.tracks.track_request import TrackRequest, WantedOfAll
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.storage.tables import read_rows
-from evenlight.data_schema.tracks.catalogue import CatalogueEntry
+from evenlight.data_schema.quantities import typed
+from evenlight.data_schema.storage.tables import csv_rows, plain_cell
+from evenlight.inputs import positive
 from evenlight.stimuli.sequences import is_sequence
 from evenlight.stimuli.video.video_locations import is_url, shown_name, videos_at
 
@@ -22,11 +23,9 @@ CURVES = ".npz"
 CATALOGUE, FIGURE, REPORT = "catalogue.csv", "catalogue.png", "report.html"
 OWN_FILES = ("weights", "allowances")
 PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
-# The columns of a table that are fields of a request; what is new there needs no word here.
-OWN_OPTIONS = {field.name for field in fields(CatalogueEntry)} & {
-    field.name for field in fields(TrackRequest)
-}
-OWN_OPTIONS -= {*OWN_FILES, *PRESETS_OR_FILES}
+FORMER = {"field_of_view_deg": "field_of_view"}  # columns of tables for earlier versions
+# The columns of a table: fields of a request, beside video and folder; what is new there needs no word here.
+COLUMNS = ("path", "name", *(field.name for field in fields(WantedOfAll)), *OWN_FILES, *FORMER)
 RESERVED = (CATALOGUE, FIGURE, REPORT)  # beside the folders of results
 
 
@@ -92,38 +91,54 @@ def _with_absolute_files(asked: TrackRequest) -> TrackRequest:
 
 
 def _of_table(path: Path, asked: TrackRequest, out: Path) -> tuple[CatalogueVideo, ...]:
-    entries = read_rows(CatalogueEntry, path)
+    rows = csv_rows(path, COLUMNS, "a table of videos", optional=COLUMNS[1:])
+    entries = {f"{path}, line {line}": dict(zip(COLUMNS, cells, strict=True)) for line, cells in rows}
     if not entries:
         raise InputError(f"{path}: lists no video; give a row for each, with the column path")
-    videos = [entry.path if is_sequence(entry.path) else _beside(path, entry.path) for entry in entries]
-    for number, entry in enumerate(entries, start=2):
-        if entry.name and (
-            entry.name.startswith(".") or set(entry.name) & set("/\\") or entry.name in RESERVED
-        ):
+    for where, entry in entries.items():
+        if not entry["path"]:
+            raise InputError(f"{where}: names no video in the column path")
+        if (name := entry["name"]) and (name[0] == "." or set(name) & set("/\\") or name in RESERVED):
             raise InputError(
-                f"{path}, row {number}: name {entry.name!r} cannot be that of a folder of results; give one "
-                "without / that does not begin with a dot"
+                f"{where}: name {name!r} cannot be that of a folder of results; give one without / that does "
+                "not begin with a dot"
             )
-    unnamed = iter(_names([v for v, entry in zip(videos, entries, strict=True) if not entry.name]))
-    names = [entry.name or next(unnamed) for entry in entries]
+    given = [entry["path"] for entry in entries.values()]
+    videos = [video if is_sequence(video) else _beside(path, video) for video in given]
+    own_names = [entry["name"] for entry in entries.values()]
+    unnamed = iter(_names([video for video, name in zip(videos, own_names, strict=True) if not name]))
+    names = [name or next(unnamed) for name in own_names]
     twice = [name for name, count in Counter(map(str.casefold, names)).items() if count > 1]
     if twice:
         raise InputError(
             f"{path}: {twice[0]!r} would be the folder of two rows; give them names in the column name"
         )
     return tuple(
-        CatalogueVideo(video, out / name, _own(path, entry, asked))
-        for video, name, entry in zip(videos, names, entries, strict=True)
+        CatalogueVideo(video, out / name, _own(path, where, entry, asked))
+        for video, name, (where, entry) in zip(videos, names, entries.items(), strict=True)
     )
 
 
-def _own(path: Path, entry: CatalogueEntry, asked: TrackRequest) -> TrackRequest:
-    own: dict[str, Any] = {key: getattr(entry, key) for key in OWN_OPTIONS if getattr(entry, key) is not None}
-    own |= {key: Path(_beside(path, value)) for key in OWN_FILES if (value := getattr(entry, key))}
-    for key in PRESETS_OR_FILES:
-        if value := getattr(entry, key):
-            own[key] = beside if Path(beside := _beside(path, value)).exists() else value
-    return replace(asked, **own)
+def _own(table: Path, where: str, entry: Mapping[str, str], asked: TrackRequest) -> TrackRequest:
+    """Return what a row of a table asks; an empty cell leaves what is asked of all."""
+    own, kinds = dict[str, Any](), get_type_hints(TrackRequest)
+    for column, text in entry.items():
+        if not text or column in ("path", "name"):
+            continue
+        name, beside = FORMER.get(column, column), _beside(table, text)
+        if name in OWN_FILES:
+            own[name] = Path(beside)
+        elif name in PRESETS_OR_FILES:
+            own[name] = beside if Path(beside).exists() else text
+        else:
+            own[name] = typed(kinds[name], plain_cell(kinds[name], text), f"{where}: {column}")
+    of_row = replace(asked, **own)
+    try:
+        WantedOfAll.check(of_row)
+        positive(of_row.named("budget"), of_row.budget)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    return of_row
 
 
 def _beside(table: Path, name: str) -> str:

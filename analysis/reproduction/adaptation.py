@@ -17,14 +17,14 @@ from matplotlib.ticker import FuncFormatter
 from numpy.typing import NDArray
 
 from evenlight.analysis.figure_style import BASELINE, LIMIT, OURS, PERCENT, drawable, look, panels
-from evenlight.analysis.published import published_values
+from evenlight.analysis.published import PublishedValue, published_values
 from evenlight.analysis.report import Cell, Table
 from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.reproduction.published_beside import LAG, LAG_RATIO, beside_table, marked
 from evenlight.analysis.results import Analysis, Drawing
 from evenlight.analysis.rows import Plot, Rows
 from evenlight.analysis.wording import in_words
-from evenlight.data_schema.analysis_results import Origin, PlottedPoint, PublishedValue, Statistic
+from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError

@@ -1,48 +1,12 @@
-"""A catalogue of videos: its table, its results, and what each result was made of."""
+"""A catalogue of videos: its results, and what each result was made of."""
 
 from __future__ import annotations
 
 from dataclasses import field
 
 from evenlight.data_schema.quantities import count, described, quantity, record, share
-from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-
-OWN = "empty: as the command says"
-
-
-@record
-class CatalogueEntry:
-    """A video, and what is asked for it otherwise than for the others; a row of `*.catalogue.csv`.
-
-    Names of files are taken from the folder of the table.
-    """
-
-    path: str = described(
-        "video: file, folder of images, URL or built-in sequence; or loss curves (npz), which need no video",
-        pattern=".+",
-    )
-    name: str = described("folder of its results; empty: the video's name", default="")
-    budget: float | None = quantity("1", f"in budget_unit; {OWN}", above=0.0, default=None)
-    budget_unit: BudgetUnit | None = described(f"what the budget counts; {OWN}", default=None)
-    display: str = described(f"preset or file; {OWN}", default="")
-    power_model: str = described(f"preset or file; {OWN}", default="")
-    rate_limit: str = described(f"preset or file; {OWN}", default="")
-    contrast_model: str = described(f"preset or file; {OWN}", default="")
-    min_factor: float | None = quantity(
-        "1", f"lowest brightness factor; {OWN}", minimum=0.001, maximum=0.99, default=None
-    )
-    field_of_view: float | None = quantity(
-        "deg", f"what the video's width spans; {OWN}", above=0.0, maximum=180.0, default=None
-    )
-    actuator: Actuator | None = described(f"what dims the display; {OWN}", default=None)
-    fps: float | None = quantity(
-        "Hz", f"of a folder of images or a built-in sequence; {OWN}", above=0.0, key="fps", default=None
-    )
-    calm: float | None = share(f"share of the gain to give up; {OWN}", default=None)
-    weights: str = described("file of scenes that count more or less (*.weights.csv)", default="")
-    allowances: str = described("file of moments with another rate limit (*.allowances.csv)", default="")
 
 
 @record

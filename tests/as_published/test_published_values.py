@@ -7,8 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.analysis.published import SEQUENCES, SURACE_2025, published, published_values
-from evenlight.data_schema.analysis_results import PublishedValue
+from evenlight.analysis.published import SEQUENCES, SURACE_2025, PublishedValue, published, published_values
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.method.preset_files import load_display, load_power_model
 

@@ -16,7 +16,9 @@ from evenlight.analysis.catalogue import catalogue_results
 from evenlight.analysis.catalogue.entries import videos_of
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.command import main
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves, write_loss_curves
+from evenlight.method.choices import ObjectiveName
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 
@@ -175,12 +177,19 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
         (["{films}", "--budget", 0.5, "--display", "nosuch"], "nosuch"),
         (["{table}", "--budget", 0.5], "the folder of two rows"),
         (["{badname}", "--budget", 0.5], "cannot be that of a folder"),
-        (["{badcolumn}", "--budget", 0.5], "column"),
+        (["{badcolumn}", "--budget", 0.5], "unknown column 'colour'"),
+        (["{badfactor}", "--budget", 0.5], "line 3: --min-factor must lie in 0.001 to 0.99, got 7"),
+        (["{badunit}", "--budget", 0.5], "line 2: budget_unit: expected one of 'factor', 'power', 'watt'"),
+        (["{badbudget}", "--budget", 0.5], "line 2: --budget must be above 0, got 0.0"),
+        (["{unnamed}", "--budget", 0.5], "line 3: names no video in the column path"),
     ],
 )
 def test_what_is_wrong_of_all_is_refused_at_once(command, films, tmp_path, arguments, words):
     tables = {"table": "path,name\na.mkv,x\nb.mkv,x\n", "badname": "path,name\na.mkv,../x\n",
-              "badcolumn": "path,colour\na.mkv,red\n"}  # fmt: skip
+              "badcolumn": "path,colour\na.mkv,red\n",
+              "badfactor": "path,min_factor\na.mkv,0.3\nb.mkv,7\n",
+              "badunit": "path,budget_unit\na.mkv,lux\n", "badbudget": "path,budget\na.mkv,0\n",
+              "unnamed": "path,budget\na.mkv,0.4\n,0.4\n"}  # fmt: skip
     for name, text in tables.items():
         (tmp_path / f"{name}.csv").write_text(text)
     places = {"films": films, **{name: tmp_path / f"{name}.csv" for name in tables}}
@@ -190,6 +199,20 @@ def test_what_is_wrong_of_all_is_refused_at_once(command, films, tmp_path, argum
     assert words in ended.err
     assert ended.err.count("\n") == 1
     assert not (tmp_path / "out").exists()
+
+
+def test_every_option_of_all_videos_is_a_column(films, tmp_path):
+    """Those of earlier tables too, under the names that they had."""
+    table = films / "own.csv"
+    table.write_text(
+        "path,calm,actuator,field_of_view_deg,objective,other_display_ok,battery_wh,power_model\n"
+        "a.mkv,0.25,pixels,40,minimax,true,12,mine\nb.mkv,,,,,,,\n"
+    )
+    own, usual = (one.asked for one in videos_of(str(table), TrackRequest(budget=0.5), tmp_path / "out"))
+    assert (own.calm, own.actuator, own.field_of_view) == (0.25, Actuator.PIXELS, 40.0)
+    assert (own.objective, own.other_display_ok, own.battery_wh) == (ObjectiveName.MINIMAX, True, 12.0)
+    assert (own.power_model, own.budget) == ("mine", 0.5)
+    assert usual == TrackRequest(budget=0.5)
 
 
 def test_films_of_one_name_get_folders_of_their_own(tmp_path):
