@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 class ControlledOptions(AimOptions, OneVideo, Analysed):
     """What `evenlight control` takes beside the display and its limits."""
 
-    out: Annotated[Path, output(help="Folder for track.csv, control.json, track.png, player.html and more.")]
+    out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")]
     lookahead: Annotated[
         float | None,
         asked(
@@ -128,7 +128,9 @@ def _result_in_words(done: ControlResult) -> Iterator[str]:
     """Say what is gained in plain words, then how steady the loss was, in figures."""
     from evenlight.analysis.tracks.track_words import alike, gain_in_words, lost, watts
 
-    control, summary = done.control, done.track.summary
+    summary = done.track.summary
+    assert summary.control is not None  # `control_video` has seen to it
+    control = summary.control
     ratio = "" if done.ratio is None else f", {done.ratio:.2f} times as much"
     full = summary.full_power
     saved = f", {percent(summary.mean_power / full)} of full power" if full else ""
@@ -136,14 +138,14 @@ def _result_in_words(done: ControlResult) -> Iterator[str]:
     if control.budget is not None:
         target = f"from {target} to {lost(control.final_target_loss)}"
     yield from gain_in_words(summary)
-    yield f"{summary.frames} frames, {lost(control.mean_loss)} lost on average, target {target}"
+    yield f"{summary.frames} frames, {lost(summary.mean_contrast_loss)} lost on average, target {target}"
     varies, constant = alike(control.sd_loss, control.sd_loss_constant)
     yield (
         f"the loss varies by {varies} points over time (SD), by {constant} points at constant dimming by the "
         f"same mean factor{ratio}"
     )
     yield (
-        f"mean factor {control.mean_factor:.4g}, {watts(control.mean_power)}{saved}; "
+        f"mean factor {min(summary.mean_factor, 1.0):.4g}, {watts(summary.mean_power)}{saved}; "
         f"{percent(control.share_limited)} of the time at the rate limit {summary.rate_limit!r} or a bound"
     )
     if control.budget_unit is not None:

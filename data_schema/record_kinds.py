@@ -59,7 +59,6 @@ from evenlight.data_schema.tracks.catalogue import (
     CatalogueRow,
 )
 from evenlight.data_schema.tracks.control import (
-    ControlSummary,
     LiveControl,
     LiveRefresh,
 )
@@ -172,7 +171,7 @@ KINDS = (
         "exported_track.json *.exported_track.json",
         "`evenlight track export --to json`",
     ),
-    RecordKind(OptimizationSummary, _JSON, "summary.json", "`evenlight optimize`"),
+    RecordKind(OptimizationSummary, _JSON, "summary.json", "`evenlight optimize`, `control`"),
     RecordKind(LuminanceSweepDesign, _TOML, "*.design.toml *.luminance-sweep.design.toml", "an experimenter"),
     RecordKind(PowerSweepDesign, _TOML, "*.design.toml *.power-sweep.design.toml", "an experimenter"),
     RecordKind(SweepManifest, _JSON, "sweep.json", "a sweep of `evenlight run`"),
@@ -213,7 +212,6 @@ KINDS = (
     RecordKind(WeightSection, _CSV, "weights.csv *.weights.csv", "someone who knows the video"),
     RecordKind(AllowanceSection, _CSV, "allowances.csv *.allowances.csv", "someone who knows the video"),
     RecordKind(Judgement, _JSON, "judgement.json", "`evenlight judge`"),
-    RecordKind(ControlSummary, _JSON, "control.json", "`evenlight control`"),
     RecordKind(
         LiveRefresh, _CSV, "live_control.csv", "`evenlight play --walk` with `--target-loss` or `--budget`"
     ),

@@ -18,9 +18,9 @@ from evenlight.analysis.wording import percent
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit
-from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE, ControlSummary
+from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.data_schema.tracks.optimization_summary import ControlSummary, OptimizationSummary
 from evenlight.method.choices import ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online import governor
@@ -61,7 +61,6 @@ class ControlResult:
     """What came of it."""
 
     track: DrawnTrack  # beside constant dimming by its mean factor
-    control: ControlSummary
     ratio: float | None  # how many times as much the loss varies as with constant dimming
     # what is wrong with the horizon of the budget or the target; if nothing is gained
     warnings: tuple[str, ...]
@@ -76,8 +75,9 @@ def control_video(
     run = video.run(asked.lookahead)
     track, summary = video.evaluated(run, RunRecord(time.perf_counter() - began, curves_s, 0.0))
     loss, spread = video.beside_constant(run)
-    control, warnings = video.control_summary(run, summary, spread), tuple(video.warnings(run, spread.ratio))
-    return ControlResult(DrawnTrack(track, summary, loss, samples.held), control, spread.ratio, warnings)
+    summary = replace(summary, control=video.control_summary(run, spread))
+    drawn, warnings = DrawnTrack(track, summary, loss, samples.held), tuple(video.warnings(run, spread.ratio))
+    return ControlResult(drawn, spread.ratio, warnings)
 
 
 class _ControlledVideo:
@@ -155,13 +155,10 @@ class _ControlledVideo:
                 f"by the mean factor, with it {ratio:.2f} times"
             )
 
-    def control_summary(
-        self, run: ControlledTrack, summary: OptimizationSummary, spread: SpreadRatio
-    ) -> ControlSummary:
+    def control_summary(self, run: ControlledTrack, spread: SpreadRatio) -> ControlSummary:
         """Return the run in the terms of the controller."""
         budget, ahead, gains = self.asked.budget, self.asked.lookahead, self.settings
         found = ControlSummary(
-            video=summary.video,
             target_loss=gains.target_loss,
             final_target_loss=float(run.targets[-1]),
             proportional=None if ahead else gains.proportional,
@@ -169,13 +166,9 @@ class _ControlledVideo:
             derivative=None if ahead else gains.derivative,
             gain_rate=None if ahead else gains.gain_rate,
             start_factor=float(run.factors[0]),
-            mean_loss=summary.mean_contrast_loss,
             sd_loss=spread.sd,
             sd_loss_constant=spread.sd_constant,
-            mean_factor=min(summary.mean_factor, 1.0),
-            mean_power=summary.mean_power,
             share_limited=_time_share(run, run.limited),
-            provenance=summary.provenance,
             lookahead=None if ahead is None else ahead.seconds,
         )
         if budget is None:

@@ -61,7 +61,6 @@ def run_control(asked: ControlJob, folder: Path) -> ControlResult:
         progress.step(f"controlling {curves.video}")
         done = control_video(curves, asked, samples, curves_s)
     write_json_record(folder / "summary.json", done.track.summary)
-    write_json_record(folder / "control.json", done.control)
     _write_track(curves, done.track, job, folder, recorder)
     return done
 

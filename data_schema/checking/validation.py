@@ -28,6 +28,12 @@ KNOWN = (
     "a data set (dataset_description.json, sub-* folders), results of `evenlight optimize` or "
     "`evenlight fit`, or a display, power model, rate limit or design file"
 )
+# Tables that commands read by rules of their own; files of earlier versions, whose numbers are in others now.
+NO_RECORDS = (
+    "*.catalogue.csv",
+    "*.published.csv",
+    *("agreement.csv", "control.json", "errors.csv", "judgement.csv", "power_table.csv", "tuning.json"),
+)
 LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
 TOLERANCE = 1e-6  # relative; the order of summation is not the writer's
 
@@ -99,6 +105,8 @@ def _check_member(path: Path) -> CheckedFile:
 
 
 def _kind_of(path: Path) -> RecordKind | None:
+    if any(fnmatchcase(path.name, pattern) for pattern in NO_RECORDS):
+        return None
     named = kinds_by_name(path)
     if len(named) == 1:
         return named[0]

@@ -32,6 +32,60 @@ class MinimizedOutcome:
 
 
 @record
+class ControlSummary:
+    """How the online controller held the contrast loss of a video."""
+
+    target_loss: float = share("target c_r: contrast loss to hold, with a governor at the beginning")
+    final_target_loss: float = share("the target at the end; the same without a governor")
+    proportional: float | None = quantity(
+        "1", "proportional gain K_p; null, as are the others, with a lookahead, which has none", minimum=0.0
+    )
+    integral: float | None = quantity("1", "integral gain K_i", minimum=0.0)
+    derivative: float | None = quantity("1", "derivative gain K_d", minimum=0.0)
+    gain_rate: float | None = quantity(
+        "Hz", "frame rate that the gains are for; null: the video's, or no gains"
+    )
+    start_factor: float = share("brightness factor of the first frame", above=0.0)
+    sd_loss: float = quantity("1", "standard deviation of the loss over time", minimum=0.0)
+    sd_loss_constant: float = quantity("1", "the same, for constant dimming by the mean factor", minimum=0.0)
+    share_limited: float = share("share of the time in which the rate limit or a bound held the factor back")
+    budget: float | None = quantity(
+        "1", "the governor's budget, in budget_unit; null without a governor", above=0.0, default=None
+    )
+    budget_unit: BudgetUnit | None = described("what the budget counts", default=None)
+    horizon: float | None = quantity(
+        "s", "horizon of the governor, over which the budget is to be met on average", above=0.0, default=None
+    )
+    horizon_error: float | None = quantity(
+        "1",
+        "largest difference of the mean over a whole horizon from the budget; null for a shorter video",
+        minimum=0.0,
+        default=None,
+    )
+    share_budget_held: float | None = share(
+        "share of the time in which a bound kept the governor from its budget", default=None
+    )
+    horizon_excess: float | None = quantity(
+        "1",
+        "largest mean over a whole horizon less the budget, 0 if none is above it; null for a shorter video",
+        minimum=0.0,
+        default=None,
+    )
+    steered_horizon: float | None = quantity(
+        "s",
+        "horizon that the governor steers by: longer than the one asked for if that holds too few frames",
+        above=0.0,
+        default=None,
+    )
+    lookahead: float | None = quantity(
+        "s",
+        "how much of the video to come was known at each frame; null: none, and the PID controller",
+        minimum=0.0,
+        default=None,
+    )
+
+
+@record
 class OptimizationSummary:
     """What an optimization achieved; the keys of `summary.json`."""
 
@@ -180,6 +234,9 @@ class OptimizationSummary:
     )
     battery_life_full: float | None = quantity(
         "h", "the same at full brightness", above=0.0, key="battery_life_full_h", default=None
+    )
+    control: ControlSummary | None = described(
+        "what the online controller did; null of a track that was planned as a whole", default=None
     )
 
     def __post_init__(self) -> None:

@@ -251,6 +251,32 @@ def test_a_file_is_known_by_its_keys_where_its_name_says_nothing(display: Displa
     ]
 
 
+def test_what_is_no_kind_of_file_any_more_is_not_taken_for_another(tmp_path: Path) -> None:
+    """By their keys, each of these would be a wrong file of another kind."""
+    (tmp_path / "films.catalogue.csv").write_text("path,name,budget\na.mkv,a,0.5\n")
+    (tmp_path / "errors.csv").write_text("name,video,why\na,a.mkv,gone\n")
+    shared = (
+        "target_loss",
+        "proportional",
+        "integral",
+        "derivative",
+        "gain_rate_hz",
+        "mean_loss",
+        "mean_factor",
+    )
+    write_json(tmp_path / "control.json", dict.fromkeys(shared, 0.1))
+    shutil.copy(tmp_path / "control.json", tmp_path / "others.json")
+    shutil.copy(tmp_path / "errors.csv", tmp_path / "others.csv")
+    told = {checked.path.name: checked.words for checked in validate(tmp_path)}
+    assert told == {
+        "control.json": "",
+        "errors.csv": "",
+        "films.catalogue.csv": "",
+        "others.csv": "catalogue row",
+        "others.json": "live control",
+    }
+
+
 def test_the_presets_are_right() -> None:
     presets = Path(evenlight.__file__).parents[1] / "method" / "presets"
     checked = list(validate(presets))
