@@ -255,16 +255,9 @@ def test_what_is_no_kind_of_file_any_more_is_not_taken_for_another(tmp_path: Pat
     """By their keys, each of these would be a wrong file of another kind."""
     (tmp_path / "films.catalogue.csv").write_text("path,name,budget\na.mkv,a,0.5\n")
     (tmp_path / "errors.csv").write_text("name,video,why\na,a.mkv,gone\n")
-    shared = (
-        "target_loss",
-        "proportional",
-        "integral",
-        "derivative",
-        "gain_rate_hz",
-        "mean_loss",
-        "mean_factor",
-    )
-    write_json(tmp_path / "control.json", dict.fromkeys(shared, 0.1))
+    gains = ("proportional", "integral", "derivative", "gain_rate_hz")
+    shared = ("target_loss", *gains, "mean_loss", "mean_factor", "provenance", "budget", "budget_unit")
+    write_json(tmp_path / "control.json", dict.fromkeys((*shared, "horizon_s", "mean_power_w"), 0.1))
     shutil.copy(tmp_path / "control.json", tmp_path / "others.json")
     shutil.copy(tmp_path / "errors.csv", tmp_path / "others.csv")
     told = {checked.path.name: checked.words for checked in validate(tmp_path)}
