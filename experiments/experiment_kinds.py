@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.ramp.ramp_observer import ramp_answers
-from evenlight.experiments.ramp.ramp_task import ramp_task
+from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions.task import AnswersOf, SessionSetting, Task
 from evenlight.experiments.viewing.comparison_observer import comparison_viewing
 from evenlight.experiments.viewing.comparison_task import ComparisonTask
@@ -40,7 +41,7 @@ class Experiment:
     """
 
     title: str
-    task: Callable[[SessionSetting], Task]
+    task: Callable[[SessionSetting], Task[Any]]
     viewing: OpenViewing | None
     shows_videos: bool = True
     pages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -48,7 +49,7 @@ class Experiment:
 
 # By the names of `data_schema.recordings.session.TASKS`.
 EXPERIMENTS = {
-    "ramp": Experiment("ramp sessions", ramp_task, None, shows_videos=False),
+    "ramp": Experiment("ramp sessions", RampTask, None, shows_videos=False),
     "rating": Experiment("detail rating", RatingTask, rating_viewing),
     "comparison": Experiment("artifact comparison", ComparisonTask, comparison_viewing),
     "search": Experiment("Landolt-ring search", SearchTask, search_viewing, shows_videos=False),

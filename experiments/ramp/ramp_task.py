@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.ramp import (
     FrameLog,
     IntervalGap,
@@ -19,7 +18,7 @@ from evenlight.data_schema.recordings.ramp import (
     TrialFlag,
     session_minutes,
 )
-from evenlight.data_schema.recordings.rig import Actuator, Rig
+from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.ramp.ramp_plan import PlannedRamp, ramp_levels
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
@@ -30,6 +29,7 @@ from evenlight.experiments.sessions.task import (
     Participant,
     PracticeRule,
     SessionSetting,
+    Task,
     TrialPlace,
 )
 from evenlight.experiments.stage import RampInterval, ShownInterval, Stage
@@ -37,41 +37,16 @@ from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.stimuli.fixation_mark import mark_contrast
 from evenlight.stimuli.ramp import frame_count, reachable_luminances
 
-LARGEST_SEED = 2**31
 LARGEST_STEP = 1.5  # either way, between an interval and a gap: far more than the change at any threshold
 
 
-def ramp_task(setting: SessionSetting) -> RampTask:
-    """Return the ramp experiment in a setting."""
-    return RampTask(
-        setting.manifest.design,  # type: ignore[arg-type] # the manifest checks that it is the task's
-        setting.display,
-        *setting.session,
-        setting.rig,
-        smallest_factor=setting.smallest_factor,
-        is_checked=not setting.manifest.simulated,
-    )
-
-
-class RampTask:
+class RampTask(Task[PlannedRamp]):
     """The ramp experiment: a schedule of ramps, shown on a stage.
 
     Parameters
     ----------
-    design : RampDesign
-        Which ramps.
-    display : Display
-        What they are shown on.
-    seed : int
-        Of order, placement and dithering noise.
-    order_index : int
-        Row of the counterbalanced order of blocks.
-    rig : Rig
-        What is pressed, and what makes the brightness.
-    smallest_factor : float, optional
-        Of the rig's backlight.
-    is_checked : bool, optional
-        Whether a display that drops too many frames is refused before the session.
+    setting : SessionSetting
+        Design, display, session and rig.
 
     Raises
     ------
@@ -79,37 +54,26 @@ class RampTask:
         If the rig would cut off a ramp of the design.
     """
 
-    def __init__(
-        self,
-        design: RampDesign,
-        display: Display,
-        seed: int,
-        order_index: int,
-        rig: Rig,
-        *,
-        smallest_factor: float = 0.0,
-        is_checked: bool = False,
-    ) -> None:
-        self.design = design
-        self._is_checked = is_checked
-        self._keys, self._rig, self._display = rig.keys, rig, display
-        self._smallest_factor = smallest_factor
-        self._session = (seed, order_index)
+    design: RampDesign
+
+    def __init__(self, setting: SessionSetting) -> None:
+        design: Any = setting.design
+        levels = [level.luminance for level in ramp_levels(design, setting.display)]
+        super().__init__(setting, (), neutral_luminance=float(np.exp(np.mean(np.log(levels)))))
         self._schedule = RampSchedule(
-            design, display, seed, order_index, rig.actuator, smallest_factor=smallest_factor
+            design,
+            setting.display,
+            *setting.session,
+            setting.rig.actuator,
+            smallest_factor=setting.smallest_factor,
         )
-        levels = [level.luminance for level in ramp_levels(design, display)]
-        self.neutral_luminance = float(np.exp(np.mean(np.log(levels))))
         self.n_trials = self._schedule.n_trials
-        self.trials_between_breaks = design.trials_between_breaks
-        self.minutes_between_breaks = design.minutes_between_breaks
-        wanted = design.practice_correct
-        self.practice_rule = PracticeRule(design.practice_trials, wanted) if wanted else None
+        if design.practice_correct:
+            self.practice_rule = PracticeRule(design.practice_trials, design.practice_correct)
         steps = design.interval_gap_kind is IntervalGap.RANDOM_STEPS
         self._steady = design.procedure is Procedure.TWO_INTERVAL and not steps
         stepping = "_steps" if design.procedure is Procedure.TWO_INTERVAL and steps else ""
         self.instructions = f"instructions_{design.procedure.value}{stepping}"
-        self.seconds = 0.0  # no trial has a time limit
 
     @property
     def minutes(self) -> float:
@@ -118,9 +82,9 @@ class RampTask:
 
     def prepare(self, stage: Stage) -> None:
         """Try the fastest ramp, and refuse a display that drops too many of its frames."""
-        if not self._is_checked:
+        if self.setting.manifest.simulated:
             return
-        design, rate = self.design, self._rig.refresh_rate
+        design, rate = self.design, self.rig.refresh_rate
         whole = self._intervals(self._schedule.fastest(), noise_seed=0)[0]
         seconds = min(whole.duration, CHECK_SECONDS)
         change = seconds / whole.duration * (whole.final_luminance - whole.initial_luminance)
@@ -164,10 +128,6 @@ class RampTask:
         """Return whether a change was detected, or none reported where there was none."""
         return trial.success != trial.is_catch
 
-    def is_flagged(self, trial: RampTrial) -> bool:
-        """Return whether a trial is left out of the analysis."""
-        return trial.flag is not TrialFlag.NONE
-
     def feedback(self, trial: RampTrial, pages: Pages) -> str:
         """Return what a participant is told about a trial of practice."""
         if trial.procedure is Procedure.TWO_INTERVAL:
@@ -175,11 +135,11 @@ class RampTask:
         else:
             truth = "truth_no_change" if trial.is_catch else "truth_change"
         name = "feedback_right" if self.is_right(trial) else "feedback_wrong"
-        return pages.text(name, self._keys, truth=pages.text(truth, self._keys))
+        return pages.text(name, self.rig.keys, truth=pages.text(truth, self.rig.keys))
 
     def key_answers(self) -> dict[str, Response]:
         """Return the answer that each key gives."""
-        keys = self._keys
+        keys = self.rig.keys
         if self.design.procedure is Procedure.TWO_INTERVAL:
             return {keys.first: Response.FIRST, keys.second: Response.SECOND}
         return {keys.yes: Response.YES, keys.no: Response.NO}
@@ -188,8 +148,7 @@ class RampTask:
         self, planned: PlannedRamp, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show a ramp, in one of two intervals if the design has two, and ask about it."""
-        chance = generator_for(*self._session, Purpose.NOISE, place.trial_index)
-        noise_seed = int(chance.integers(LARGEST_SEED))
+        noise_seed = self.noise_seed(place)
         # The level of the trial, not a neutral one: a jump right before a ramp would be adapted to during it.
         stage.wait(self.design.pause_duration, planned.level.luminance)
         intervals = self._intervals(planned, noise_seed)
@@ -202,7 +161,7 @@ class RampTask:
                 stage.wait(self.design.interval_gap / len(gaps[number]), luminance, pixel_value)
             shown.append(stage.show_ramp(interval))
         answers = self.key_answers()
-        question = pages.text(f"question_{self.design.procedure.value}", self._keys)
+        question = pages.text(f"question_{self.design.procedure.value}", self.rig.keys)
         ground = gaps[-1][0] if gaps else intervals[-1].final_luminance
         stage.wait(self.design.interval_gap if gaps else 0.0, ground, pixel_value)
         participant.see_trial(planned, place.trial_index)
@@ -224,12 +183,12 @@ class RampTask:
         if self._steady:
             return [(level.luminance,), *((interval.final_luminance,) for interval in intervals)]
         reached = reachable_luminances(
-            level.pixel_value, self._display, self._rig.actuator, self._smallest_factor
+            level.pixel_value, self.setting.display, self.rig.actuator, self.setting.smallest_factor
         )
         ends = (level.luminance, planned.final_luminance)
         darkest = max(reached[0] / min(ends), 1 / LARGEST_STEP)
         brightest = max(darkest, min(reached[1] / max(ends), LARGEST_STEP))
-        chance = generator_for(*self._session, Purpose.GAPS, place.trial_index)
+        chance = generator_for(*self.setting.session, Purpose.GAPS, place.trial_index)
         steps = np.exp(chance.uniform(np.log(darkest), np.log(brightest), (3, 2))).tolist()
         before = [level.luminance, *(interval.final_luminance for interval in intervals)]
         return [(last * out, level.luminance * into) for last, (out, into) in zip(before, steps, strict=True)]
@@ -264,9 +223,9 @@ class RampTask:
         if not self.design.fixation_mark:
             return 0.0
         drawn = min(planned.level.luminance, planned.final_luminance)
-        if self._rig.actuator is Actuator.BACKLIGHT:  # pixels draw the screen at full brightness
-            drawn = float(displayed_luminance(planned.level.pixel_value, self._display))
-        return mark_contrast(drawn, self._display)
+        if self.rig.actuator is Actuator.BACKLIGHT:  # pixels draw the screen at full brightness
+            drawn = float(displayed_luminance(planned.level.pixel_value, self.setting.display))
+        return mark_contrast(drawn, self.setting.display)
 
     def _row(
         self,

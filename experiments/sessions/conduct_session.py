@@ -28,7 +28,7 @@ from evenlight.experiments.stage import PausePressed, SessionStopped, SkipPresse
 class SessionParts:
     """Who and what takes part in a session."""
 
-    task: Task  # the experiment
+    task: Task[Any]  # the experiment
     stage: Stage  # where it is shown
     participant: Participant  # who answers
     pages: Pages  # what is said
@@ -283,8 +283,6 @@ class _Session:
         """Return a page with its numbers filled in, those of some pages handed in."""
         task, counts = self.parts.task, drop_counts(self._now_shown())
         slow = self.parts.pages.text("slow_display", self.parts.keys, **counts) if counts else ""
-        # Another package's task may not know what is shown again.
-        left = getattr(task, "n_left", max(task.n_trials - self._usable(), 0))
         mark = "mark" if getattr(self.store.manifest.design, "fixation_mark", False) else "middle"
         return self.parts.pages.text(
             self.parts.pages.name_for(name, self.store.manifest.task),
@@ -292,7 +290,7 @@ class _Session:
             minutes=max(1, round(task.minutes)),
             seconds=f"{task.seconds:g}",
             look=self.parts.pages.text(f"look_{mark}", self.parts.keys),
-            trials=self._answered() + left,
+            trials=self._answered() + task.n_left,
             done=self._answered(),
             slow=slow,
             trials_between_breaks=task.trials_between_breaks or task.n_trials,

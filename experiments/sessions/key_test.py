@@ -6,8 +6,8 @@ A key that is not there, or is not what it is called, is found out before it can
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Protocol, runtime_checkable
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.session import EventKind
@@ -17,14 +17,6 @@ if TYPE_CHECKING:
     from evenlight.experiments.sessions.conduct_session import SessionParts
 
 ANY_KEY = ()  # to a page
-
-
-@runtime_checkable
-class AnsweredByKeys(Protocol):
-    """A task that says which keys it is answered with; one that does not is begun without the test."""
-
-    def key_answers(self) -> Mapping[str, object]:
-        """Return the answer that each key gives, in the order in which keys are tried."""
 
 
 def try_keys(parts: SessionParts, note: Callable[[EventKind, str], None], pause: Callable[[], None]) -> None:
@@ -39,11 +31,11 @@ def try_keys(parts: SessionParts, note: Callable[[EventKind, str], None], pause:
     pause : callable
         Pauses the session, when the pause key is pressed.
     """
-    task, keys, pages = parts.task, parts.keys, parts.pages
-    if not isinstance(task, AnsweredByKeys) or pages.roles:  # in a headset the answers stand there in words
+    answers, keys, pages = parts.task.key_answers(), parts.keys, parts.pages
+    if not answers or pages.roles:  # in a headset the answers stand there in words
         return
     instead: dict[str, list[str]] = {}
-    for key, answer in task.key_answers().items():
+    for key, answer in answers.items():
         said = {"key": pages.key_name(key), "meaning": _meaning(answer, pages, keys)}
         name, pressed, others = "key_test", "", instead.setdefault(key, [])
         while pressed != key:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, cast
+from typing import Any, Generic, Protocol, cast
 
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.experiments.chance import Purpose, generator_for
+from evenlight.experiments.sessions.fixed_order import FixedOrder, Planned
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.stage import Stage
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.stimuli.scenes.engine.camera import steps_to
 
+LARGEST_SEED = 2**31
 READING_TIME = 0.5  # [s] a simulated participant looks at a page
 ANSWERING_TIME = (0.4, 0.9)  # [s] shortest, and mean of what comes on top (choice: practised people)
 PressKey = Callable[[str, float], None]
@@ -69,40 +73,73 @@ class Participant(Protocol):
         """Be about to search a scene."""
 
 
-class Task(Protocol):
-    """An experiment: its trials in order, how one is conducted, and what is said about it."""
+class Task(Generic[Planned]):
+    """An experiment: its trials in order, how one is conducted, and what is said about it.
 
-    @property
-    def n_trials(self) -> int:
-        """Usable trials that the design asks for."""
+    A task has `conduct`, and what it needs of `minutes`, `prepare`, `is_right`, `feedback`, `key_answers` and
+    `row`. One whose next trial depends on the answers so far has its own `next_trial`, `take` and `n_left`.
 
-    @property
-    def trials_between_breaks(self) -> int:
-        """0 for no breaks."""
+    Parameters
+    ----------
+    setting : SessionSetting
+        What the session is made from.
+    order, practice : sequence of planned trials
+        Those of the session, and those for practice, in their order.
+    neutral_luminance : float
+        Of pages, and of uniform fields that are no stimulus [cd/m^2].
 
-    @property
-    def minutes_between_breaks(self) -> float:
-        """After which a break comes before as many trials are done; 0 for none."""
+    Attributes
+    ----------
+    n_trials : int
+        Usable trials that the design asks for.
+    instructions : str
+        Name of the page with the instructions.
+    seconds : float
+        How long a trial may take at most; 0 where it has no limit [s].
+    trials_between_breaks, minutes_between_breaks : int, float
+        Whichever is over first brings a break; 0 for none.
+    practice_rule : PracticeRule or None
+        When practice is passed; None where all trials for practice are shown, whatever the answers.
+    """
 
-    @property
-    def practice_rule(self) -> PracticeRule | None:
-        """When practice is passed; None where all trials for practice are shown, whatever the answers."""
+    seconds = 0.0
+    practice_rule: PracticeRule | None = None
 
-    @property
-    def neutral_luminance(self) -> float:
-        """Of pages, and of uniform fields that are no stimulus [cd/m^2]."""
+    def __init__(
+        self,
+        setting: SessionSetting,
+        order: Sequence[Planned],
+        practice: Sequence[Planned] = (),
+        *,
+        neutral_luminance: float,
+    ) -> None:
+        self.setting, self.design, self.rig = setting, setting.design, setting.rig
+        self.order, self._practice = order, practice
+        self._order = FixedOrder(order, getattr(self.design, "repeat_flagged", True))
+        self.n_trials = self._order.n_trials
+        self.neutral_luminance = neutral_luminance
+        self.name = setting.manifest.task
+        self.instructions = f"instructions_{self.name}"
+        self.trials_between_breaks: int = getattr(self.design, "trials_between_breaks", 0)
+        self.minutes_between_breaks: float = getattr(self.design, "minutes_between_breaks", 0.0)
 
     @property
     def minutes(self) -> float:
         """How long the session takes, about."""
+        raise NotImplementedError
 
-    @property
-    def seconds(self) -> float:
-        """How long a trial may take at most; 0 where it has no limit [s]."""
+    def conduct(
+        self, planned: Planned, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+    ) -> ConductedTrial:
+        """Show a trial and take the answer. Raises `PausePressed` if the pause key was pressed."""
+        raise NotImplementedError
 
-    @property
-    def instructions(self) -> str:
-        """Name of the page with the instructions."""
+    def row(self, planned: Planned, answer: Any, columns: dict[str, Any]) -> Any:
+        """Return the record of an answered trial; the columns are those of `shown_columns`, and the time.
+
+        `evenlight simulate` makes trials with it.
+        """
+        raise InputError(f"the task {self.name!r} has no method row, which simulations need")
 
     def prepare(self, stage: Stage) -> None:
         """Make ready what takes long, and refuse what the stage cannot show; before the session begins.
@@ -115,28 +152,43 @@ class Task(Protocol):
             If something cannot be shown.
         """
 
-    def practice(self) -> Sequence[Any]:
-        """Return the trials for practice, of all rounds."""
-
-    def next_trial(self) -> Any | None:
-        """Return the trial to be shown next, or None at the end; the same until `take` is called."""
-
-    def take(self, trial: Any) -> None:
-        """Take an answered trial, just given or read from an interrupted session."""
-
-    def conduct(
-        self, planned: Any, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
-    ) -> ConductedTrial:
-        """Show a trial and take the answer. Raises `PausePressed` if the pause key was pressed."""
-
-    def feedback(self, trial: Any, pages: Pages) -> str:
-        """Return what a participant is told about a trial of practice; empty for nothing."""
+    def key_answers(self) -> dict[str, Any]:
+        """Return the answer that each key gives, for the test of the keys; none for no test."""
+        return {}
 
     def is_right(self, trial: Any) -> bool | None:
         """Return whether a trial was answered rightly, None where no answer is right or wrong."""
+        return None
+
+    def feedback(self, trial: Any, pages: Pages) -> str:
+        """Return what a participant is told about a trial of practice; empty for nothing."""
+        return ""
 
     def is_flagged(self, trial: Any) -> bool:
         """Return whether a trial is left out of the analysis."""
+        return bool(trial.flag is not TrialFlag.NONE)
+
+    def practice(self) -> Sequence[Planned]:
+        """Return the trials for practice, of all rounds."""
+        return self._practice
+
+    def next_trial(self) -> Planned | None:
+        """Return the trial to be shown next, or None at the end; the same until `take` is called."""
+        return self._order.next_trial()
+
+    def take(self, trial: Any) -> None:
+        """Take an answered trial, just given or read from an interrupted session."""
+        self._order.take(trial)
+
+    @property
+    def n_left(self) -> int:
+        """Trials still to come, as far as is known."""
+        return self._order.n_left
+
+    def noise_seed(self, place: TrialPlace) -> int:
+        """Return the seed of the dithering noise of a trial."""
+        chance = generator_for(*self.setting.session, Purpose.NOISE, place.trial_index)
+        return int(chance.integers(LARGEST_SEED))
 
 
 class Answers(Protocol):

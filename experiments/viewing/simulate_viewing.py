@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -26,10 +26,9 @@ from evenlight.data_schema.storage.text_files import write_json
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS
 from evenlight.experiments.ramp.simulate_ramp import SESSION, participant_id, simulated_manifest
-from evenlight.experiments.sessions.task import SessionSetting
+from evenlight.experiments.sessions.task import SessionSetting, Task
 from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli, track_display
 from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, Viewing
-from evenlight.experiments.viewing.viewing_task import ViewingTask
 from evenlight.method.preset_files import DEFAULT_DISPLAY, load_display
 
 
@@ -143,9 +142,7 @@ def simulate_viewing(
         truths = []
         for setting in settings:
             viewer = SimulatedViewer(viewing, setting.session)
-            task = cast("ViewingTask[Any]", experiment.task(setting))
-            if not hasattr(task, "row"):
-                raise InputError(f"the task {simulation.task!r} has no method row, which simulations need")
+            task = experiment.task(setting)
             trials = answered_trials(task, setting.manifest.participant_id, viewer)
             write_session(staging, dataclasses.replace(setting.manifest, n_trials=len(trials)), trials)
             truths.append({"participant_id": setting.manifest.participant_id, **viewer.truth()})
@@ -183,11 +180,11 @@ def _trials_of(simulation: ViewingSimulation, viewing: Viewing, provenance: Prov
     for place in range(simulation.participants):
         who = participant_id(place, simulation.participants)
         setting = simulation.setting(who, place, provenance)
-        task = cast("ViewingTask[Any]", EXPERIMENTS[simulation.task].task(setting))
+        task = EXPERIMENTS[simulation.task].task(setting)
         yield from answered_trials(task, who, SimulatedViewer(viewing, setting.session))
 
 
-def answered_trials(task: ViewingTask[Any], participant: str, viewer: SimulatedViewer) -> list[Trial]:
+def answered_trials(task: Task[Any], participant: str, viewer: SimulatedViewer) -> list[Trial]:
     """Return the trials of a session as a simulated participant answers them; practice is left out."""
     trials: list[Trial] = []
     while (planned := task.next_trial()) is not None:

@@ -5,6 +5,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from ramp_tasks import ramp_task
+
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.dataset_writing import enrol
@@ -12,7 +14,6 @@ from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 from evenlight.experiments.ramp.ramp_observer import RampAnswers, SimulatedObserver
-from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session
@@ -78,7 +79,7 @@ def drop_ten_frames(shown: ShownInterval) -> ShownInterval:
 
 def begun(folder: Path, design: RampDesign = DESIGN) -> SessionStore:
     enrol(folder, "01", simulated=True, provenance=Provenance())
-    task = RampTask(design, DISPLAY, 1, 0, RIG)
+    task = ramp_task(design, DISPLAY, RIG)
     manifest = SessionManifest(
         "01", "01", "ramp", True, SessionStatus.RUNNING, task.n_trials, DISPLAY, design, Provenance(seed=1)
     )
@@ -93,7 +94,7 @@ def conducted(
     observer: SimulatedObserver = OBSERVER,
     report: Callable[[int], None] = lambda usable: None,
 ) -> SessionStatus:
-    task = RampTask(design, DISPLAY, 1, 0, RIG)
+    task = ramp_task(design, DISPLAY, RIG)
     cast = SessionParts(task, stage, Sitter(stage, *stops_at, observer=observer), load_pages("en"), KEYS)
     with store:
         return conduct_session(store, cast, report)

@@ -8,6 +8,7 @@ from pathlib import Path
 import conducted_sessions as course
 import numpy as np
 import pytest
+from ramp_tasks import ramp_task
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
@@ -15,7 +16,6 @@ from evenlight.data_schema.recordings.ramp import IntervalGap, Procedure, RampDe
 from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.viewing import RatingDesign, Stimulus
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
-from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.run_command import _close
 from evenlight.experiments.run_session import SessionOutcome
 from evenlight.experiments.sessions.dropped_frames import FrameDemand, require_few_drops, too_many_flagged
@@ -100,7 +100,7 @@ class Trying(course.Stage):
 def test_a_ramp_session_tries_two_seconds_of_its_fastest_ramp() -> None:
     """4 % per second from 50 cd/m^2: 46 after 2 s, of the 5 s that it lasts."""
     stage = Trying(dropped=0)
-    RampTask(DESIGN, course.DISPLAY, 1, 0, course.RIG, is_checked=True).prepare(stage)
+    ramp_task(DESIGN, course.DISPLAY, course.RIG, simulated=False).prepare(stage)
     (tried,) = stage.tried
     assert (tried.initial_luminance, tried.final_luminance) == (pytest.approx(50.0), pytest.approx(46.0))
     assert (tried.adaptation, tried.duration, tried.hold) == (0.0, 2.0, 0.0)
@@ -110,12 +110,12 @@ def test_a_ramp_session_tries_two_seconds_of_its_fastest_ramp() -> None:
 def test_a_trial_of_14_s_is_flagged_by_more_than_3_of_840_frames_so_one_in_120_is_too_many() -> None:
     """7 are to be expected, and more than 3 come in 92 % of the trials (Poisson: 1 - 0.082)."""
     with pytest.raises(InputError, match=r"1 of 121 frames in 2.0 s .* so 92% of the trials"):
-        RampTask(DESIGN, course.DISPLAY, 1, 0, course.RIG, is_checked=True).prepare(Trying(dropped=1))
+        ramp_task(DESIGN, course.DISPLAY, course.RIG, simulated=False).prepare(Trying(dropped=1))
 
 
 def test_a_rehearsal_is_not_checked() -> None:
     stage = Trying(dropped=60)
-    RampTask(DESIGN, course.DISPLAY, 1, 0, course.RIG).prepare(stage)
+    ramp_task(DESIGN, course.DISPLAY, course.RIG).prepare(stage)
     assert stage.tried == []
 
 

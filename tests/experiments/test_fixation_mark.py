@@ -6,12 +6,12 @@ import clip_windows
 import numpy as np
 import pytest
 from clip_windows import LAB, RIG, Renderer, staged
+from ramp_tasks import ramp_task
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import IntervalGap, Procedure, RampDesign
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions import window_stage
 from evenlight.experiments.stage import RampInterval
 from evenlight.hardware.simulated.panel import SimulatedBacklight
@@ -81,7 +81,7 @@ def test_both_intervals_of_a_trial_have_the_same_mark_which_the_display_can_draw
     factor: float, contrast: float
 ) -> None:
     display = Display("bench", 100.0, 0.5, 2.2, 60.0)
-    task = RampTask(DESIGN, display, 1, 0, RIG)
+    task = ramp_task(DESIGN, display, RIG)
     planned = next(p for k in range(9) for p in task._schedule.practice(k) if p.level.factor == factor)
     assert {interval.mark_contrast for interval in task._intervals(planned, 0)} == {contrast}
 
@@ -104,7 +104,7 @@ def test_with_a_backlight_a_steady_gap_leaves_pixels_and_backlight_as_they_are()
 def test_a_window_that_is_late_is_refused_by_a_ramp_session_before_it_begins() -> None:
     """Every tenth flip comes a refresh late: in 2 s, 100 refreshes, about nine are dropped."""
     stage, _ = staged(Window(late=dict.fromkeys(range(0, 1000, 10), 2)))
-    task = RampTask(DESIGN, LAB, 1, 0, RIG, is_checked=True)
+    task = ramp_task(DESIGN, LAB, RIG, simulated=False)
     with pytest.raises(InputError, match=r"drops too many frames .* of the trials would be flagged"):
         task.prepare(stage)
     on_time, _ = staged(Window())

@@ -7,7 +7,7 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import TrialFlag
-from evenlight.experiments.viewing.viewing_task import MAX_SHOWINGS, FixedOrder
+from evenlight.experiments.sessions.fixed_order import MAX_SHOWINGS, FixedOrder
 
 
 @dataclass(frozen=True)

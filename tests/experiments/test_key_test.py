@@ -8,6 +8,7 @@ from typing import Any
 
 import conducted_sessions as course
 import pytest
+from ramp_tasks import ramp_task
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
@@ -17,7 +18,7 @@ from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
 from evenlight.experiments.ramp.ramp_task import RampTask
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
-from evenlight.experiments.sessions.key_test import AnsweredByKeys, try_keys
+from evenlight.experiments.sessions.key_test import try_keys
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 from evenlight.experiments.sessions.staging import BlindStage
@@ -49,7 +50,7 @@ class Stage(BlindStage):
 
 
 def begun(folder: Path, design: RampDesign, rig: Rig) -> tuple[SessionStore, RampTask]:
-    task = RampTask(design, DISPLAY, 1, 0, rig)
+    task = ramp_task(design, DISPLAY, rig)
     enrol(folder, "01", simulated=False, provenance=Provenance())
     manifest = SessionManifest(
         "01", "01", "ramp", False, SessionStatus.RUNNING, task.n_trials, DISPLAY, design, Provenance(seed=1)
@@ -143,7 +144,6 @@ def test_ratings_and_directions_are_called_what_they_are(answer: object, means: 
     rig = Rig("bench", "bench.toml", viewing_distance=0.6, refresh_rate=60.0)
     stage = Stage(rig, "num_7")
     task: Any = Answered({"num_7": answer})
-    assert isinstance(task, AnsweredByKeys)
     parts = SessionParts(task, stage, Person(), load_pages("en"), Keys())
     try_keys(parts, lambda kind, detail: None, lambda: None)
     start = "# Try the keys\n\nPress **7 on the numeric pad** once.\n\n"
@@ -151,5 +151,6 @@ def test_ratings_and_directions_are_called_what_they_are(answer: object, means: 
 
 
 def test_a_task_that_does_not_say_its_keys_is_begun_without_the_test() -> None:
-    parts = SessionParts(object(), Stage(Rig("b", "b.toml", 0.6, 60.0)), Person(), load_pages("en"), Keys())
+    task: Any = Answered({})
+    parts = SessionParts(task, Stage(Rig("b", "b.toml", 0.6, 60.0)), Person(), load_pages("en"), Keys())
     try_keys(parts, lambda kind, detail: pytest.fail("nothing is tried"), lambda: None)

@@ -11,8 +11,8 @@ from evenlight.data_schema.recordings.dataset_layout import TRIALS, session_fold
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.experiments import run_command, run_session
 from evenlight.experiments.sessions.dropped_frames import drop_counts
+from evenlight.experiments.sessions.fixed_order import FixedOrder
 from evenlight.experiments.stage import PausePressed, ShownInterval
-from evenlight.experiments.viewing.viewing_task import FixedOrder
 
 
 def pause(_: ShownInterval) -> ShownInterval:

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from ramp_tasks import ramp_task
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.mapping import record_from_mapping
@@ -77,7 +78,7 @@ def observed(
         repetitions=TRIALS,
         interval_gap_kind=kind,
     )
-    task, pages = RampTask(design, DISPLAY, 1, 0, RIG), load_pages("en")
+    task, pages = ramp_task(design, DISPLAY, RIG), load_pages("en")
     planned = task.next_trial()
     assert planned is not None
     sides = 1 + np.arange(TRIALS) % 2
@@ -122,7 +123,7 @@ def test_with_a_steady_gap_the_second_interval_goes_on_where_the_first_ended(
         procedure=Procedure.TWO_INTERVAL, screens=("white",), factors=(0.5,), relative_rates=(0.02,),
         interval_gap_kind=IntervalGap.STEADY,
     )  # fmt: skip
-    task = RampTask(design, DISPLAY, 1, 0, RIG)
+    task = ramp_task(design, DISPLAY, RIG)
     planned = task.next_trial()
     assert planned is not None
     intervals = task._intervals(dataclasses.replace(planned, ramp_interval=ramp_interval), noise_seed=0)
@@ -141,7 +142,7 @@ def test_a_design_of_an_earlier_version_means_what_it_meant_and_says_so_to_the_p
         (old, "the brightness jumps several times"),
         (load_design("recommended"), "nothing jumps"),
     ):
-        assert words in pages.text(RampTask(design, DISPLAY, 1, 0, RIG).instructions, Keys())
+        assert words in pages.text(ramp_task(design, DISPLAY, RIG).instructions, Keys())
 
 
 def test_with_a_gap_of_one_luminance_the_greater_step_would_always_tell(

@@ -22,6 +22,7 @@ from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
+from ramp_tasks import ramp_task
 from scipy import signal, stats
 from studies import Mapped, run_study
 
@@ -160,7 +161,7 @@ def _task(kind: IntervalGap) -> RampTask:
     design = RampDesign(
         procedure=Procedure.TWO_INTERVAL, screens=("white",), factors=(0.5,), interval_gap_kind=kind
     )
-    return RampTask(design, DISPLAY, 1, 0, RIG)
+    return ramp_task(design, DISPLAY, RIG)
 
 
 TASKS = {kind: _task(kind) for kind in IntervalGap}

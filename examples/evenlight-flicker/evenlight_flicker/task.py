@@ -1,11 +1,11 @@
 """Flicker: a square whose luminance goes up and down at some frequency, and the question whether it was seen.
 
-It shows no video of a file, so it conducts its trials itself: `FlickerTask` has all that a `Task` has.
+It shows no video of a file, so it conducts its trials itself.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,10 +17,10 @@ from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Respons
 from evenlight.data_schema.recordings.viewing import ComparisonTrial
 from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, TrialPlace
+from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, Task, TrialPlace
 from evenlight.experiments.stage import Clip, Stage
 from evenlight.experiments.viewing.simulated_viewers import Viewing
-from evenlight.experiments.viewing.viewing_task import FixedOrder, clip_log, noise_seed_of, shown_columns
+from evenlight.experiments.viewing.viewing_task import clip_log, shown_columns
 from evenlight.method.contrast.luminance import dimmed_luminance
 
 SIDE = 256  # [pixels] of the square
@@ -108,56 +108,38 @@ class WhiteSquare:
         return ""
 
 
-class FlickerTask:
-    """A session: each depth, and none, equally often and in random order."""
-
-    instructions = "instructions_flicker"
-    seconds = 0.0  # no trial has a time limit
-    minutes_between_breaks = 0.0  # breaks go by trials alone
-    practice_rule = None  # all trials for practice are shown, whatever the answers
+class FlickerTask(Task[PlannedFlicker]):
+    """A session: each depth, and none, equally often and in random order; the strongest for practice."""
 
     def __init__(self, setting: SessionSetting) -> None:
-        self._design: FlickerDesign = setting.design
-        self._session, self._rig = setting.session, setting.rig
-        depths = [0.0, *self._design.depths] * self._design.repetitions
-        order = generator_for(*self._session, Purpose.ORDER).permutation(depths).tolist()
-        self._order = FixedOrder([PlannedFlicker(self._design.frequency, depth) for depth in order], True)
-        self.n_trials = self._order.n_trials
-        self.trials_between_breaks = self._design.trials_between_breaks
-        white = setting.display.peak_luminance
-        self.neutral_luminance = float(dimmed_luminance(white, MEAN_FACTOR, setting.display))
+        design: FlickerDesign = setting.design
+        depths = [0.0, *design.depths] * design.repetitions
+        order = generator_for(*setting.session, Purpose.ORDER).permutation(depths).tolist()
+        strongest = PlannedFlicker(design.frequency, max(design.depths), block=0)
+        super().__init__(
+            setting,
+            [PlannedFlicker(design.frequency, depth) for depth in order],
+            [strongest] * design.practice_trials,
+            neutral_luminance=float(
+                dimmed_luminance(setting.display.peak_luminance, MEAN_FACTOR, setting.display)
+            ),
+        )
 
     @property
     def minutes(self) -> float:
         """How long the session takes, about."""
-        return 2 + self.n_trials * (self._design.pause_duration + self._design.duration + 2) / 60
-
-    def prepare(self, stage: Stage) -> None:
-        """Prepare nothing: the square is small, and made as it goes."""
-
-    def practice(self) -> Sequence[PlannedFlicker]:
-        """Return the trials for practice: the strongest flicker."""
-        strongest = PlannedFlicker(self._design.frequency, max(self._design.depths), block=0)
-        return [strongest] * self._design.practice_trials
-
-    def next_trial(self) -> PlannedFlicker | None:
-        """Return the trial that comes next, or None at the end."""
-        return self._order.next_trial()
-
-    def take(self, trial: FlickerTrial) -> None:
-        """Take an answered trial."""
-        self._order.take(trial)
+        return 2 + self.n_trials * (self.design.pause_duration + self.design.duration + 2) / 60
 
     def conduct(
         self, planned: PlannedFlicker, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show the square, and ask."""
-        seed = noise_seed_of(self._session, place)
-        stage.wait(self._design.pause_duration, self.neutral_luminance)
+        seed = self.noise_seed(place)
+        stage.wait(self.design.pause_duration, self.neutral_luminance)
         shown = stage.play(self._clip(planned, seed))
         participant.see_trial(planned, place.trial_index)
-        keys = {self._rig.keys.yes: Response.YES, self._rig.keys.no: Response.NO}
-        question = pages.text("question_flicker", self._rig.keys)
+        keys = {self.rig.keys.yes: Response.YES, self.rig.keys.no: Response.NO}
+        question = pages.text("question_flicker", self.rig.keys)
         press = stage.ask(question, list(keys), self.neutral_luminance)
         columns = shown_columns(place, [shown], seed, MAX_DROPPED_SHARE) | {"response_time": press.time}
         return ConductedTrial(self.row(planned, keys[press.name], columns), (clip_log(place, 1, shown),))
@@ -166,22 +148,14 @@ class FlickerTask:
         """Return the record of an answered trial."""
         return FlickerTrial(**planned.columns, **columns, response=answer)
 
-    def feedback(self, trial: FlickerTrial, pages: Pages) -> str:
-        """Return nothing: no trial is commented on."""
-        return ""
-
     def is_right(self, trial: FlickerTrial) -> bool:
         """Return whether flicker was seen, or none where there was none."""
         return (trial.response is Response.YES) == (trial.depth > 0)
 
-    def is_flagged(self, trial: FlickerTrial) -> bool:
-        """Return whether a trial is left out of the analysis."""
-        return trial.flag is not TrialFlag.NONE
-
     def _clip(self, planned: PlannedFlicker, seed: int) -> Clip:
         """Return the square as it flickers: a sine of luminance, which is linear in the brightness factor."""
-        rate = self._rig.refresh_rate
-        times = np.arange(max(1, round(self._design.duration * rate))) / rate
+        rate = self.rig.refresh_rate
+        times = np.arange(max(1, round(self.design.duration * rate))) / rate
         wave = np.sin(2 * np.pi * planned.frequency * times)
         factors = MEAN_FACTOR * (1 + planned.depth * wave)
         return Clip(WhiteSquare(len(times), rate), times, len(times) / rate, factors, seed)
