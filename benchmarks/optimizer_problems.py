@@ -12,7 +12,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, VideoSection
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.optimizer.lower_bound import lower_bound
@@ -138,8 +138,11 @@ def _asked(curves: LossCurves, budget: float, scale: float, asked: int) -> Probl
     plain = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), load_rate_limit("surace2025"))
     request = (
         plain,
-        replace(plain, weights=(WeightSection(0.0, first, 5.0), WeightSection(last, end, 0.0))),
-        replace(plain, allowances=(AllowanceSection(0.0, first, 0.0), AllowanceSection(last, end, 3.0))),
+        replace(plain, weights=(VideoSection(0.0, first, 5.0), VideoSection(last, end, 0.0))),
+        replace(
+            plain,
+            allowances=(VideoSection(0.0, first, allowance=0.0), VideoSection(last, end, allowance=3.0)),
+        ),
         replace(plain, budget_unit=BudgetUnit.POWER, power_model=OLED),
     )[asked]
     return _scaled(pose(curves, request), scale)

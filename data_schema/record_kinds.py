@@ -48,11 +48,10 @@ from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLeve
 from evenlight.data_schema.result_request import ResultRequest
 from evenlight.data_schema.threshold import Threshold
 from evenlight.data_schema.tracks.brightness_track import (
-    AllowanceSection,
     BrightnessTrack,
     ExportedTrack,
     TrackHeader,
-    WeightSection,
+    VideoSection,
 )
 from evenlight.data_schema.tracks.catalogue import (
     CatalogueResult,
@@ -209,8 +208,12 @@ KINDS = (
     RecordKind(ViewingPlanRow, _CSV, "plan.csv", "`evenlight plan rating`, `comparison` and `search`"),
     RecordKind(CatalogueRow, _CSV, "catalogue.csv", "`evenlight catalogue`"),
     RecordKind(CatalogueResult, _JSON, "catalogue.json", "`evenlight catalogue`"),
-    RecordKind(WeightSection, _CSV, "weights.csv *.weights.csv", "someone who knows the video"),
-    RecordKind(AllowanceSection, _CSV, "allowances.csv *.allowances.csv", "someone who knows the video"),
+    RecordKind(
+        VideoSection,
+        _CSV,
+        "weights.csv *.weights.csv allowances.csv *.allowances.csv",
+        "someone who knows the video",
+    ),
     RecordKind(Judgement, _JSON, "judgement.json", "`evenlight judge`"),
     RecordKind(
         LiveRefresh, _CSV, "live_control.csv", "`evenlight play --walk` with `--target-loss` or `--budget`"

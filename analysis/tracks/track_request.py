@@ -260,8 +260,7 @@ class TrackRequest(Analysed, WantedOfAll):
         InputError
             If one cannot be used, or no video could meet the budget.
         """
-        from evenlight.data_schema.storage.tables import read_rows
-        from evenlight.data_schema.tracks.brightness_track import AllowanceSection, WeightSection
+        from evenlight.data_schema.tracks.brightness_track import read_sections
         from evenlight.inputs import choice
         from evenlight.method.optimizer.objective import objective_named
         from evenlight.method.optimizer.request import require_possible
@@ -270,8 +269,8 @@ class TrackRequest(Analysed, WantedOfAll):
         weights, allowances = self.weights, self.allowances
         request = replace(
             self.within(self.budget, self.budget_unit, display),
-            weights=() if weights is None else tuple(read_rows(WeightSection, Path(weights))),
-            allowances=() if allowances is None else tuple(read_rows(AllowanceSection, Path(allowances))),
+            weights=() if weights is None else read_sections(Path(weights), "weight"),
+            allowances=() if allowances is None else read_sections(Path(allowances), "allowance"),
             minimized=objective_named(choice("objective", self.objective, ObjectiveName), self.level_weight),
         )
         require_possible(request, self.min_factor)

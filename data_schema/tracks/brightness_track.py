@@ -30,7 +30,7 @@ from evenlight.data_schema.quantities import (
 )
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in
+from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in, read_rows
 from evenlight.data_schema.storage.text_files import read_json_record, write_json
 from evenlight.data_schema.storage.whole_files import write_whole
 
@@ -263,46 +263,45 @@ LARGEST_WEIGHT = (
 
 
 @record
-class WeightSection:
-    """How much the frames of a section count in the objective; a row of `*.weights.csv`."""
-
-    start: float = quantity(
-        "s", "where the section begins; a frame that appears then belongs to it", minimum=0.0, key="start_s"
-    )
-    end: float = quantity("s", "where it ends; a frame that appears then is outside", above=0.0, key="end_s")
-    weight: float = quantity(
-        "1",
-        "how much each of its frames counts; frames outside all sections have 1",
-        minimum=0.0,
-        maximum=LARGEST_WEIGHT,
-    )
-
-    def __post_init__(self) -> None:
-        _require_length(self.start, self.end)
-
-
-@record
-class AllowanceSection:
-    """How many times the fitted rate limit a section allows. A row of `*.allowances.csv`."""
+class VideoSection:
+    """What is asked of a section of a video; a row of `*.weights.csv` or `*.allowances.csv`, or of both."""
 
     start: float = quantity(
         "s",
-        "where the section begins; the step to a frame that appears then belongs to it",
+        "where the section begins; a frame that appears then, and the step to it, belong to it",
         minimum=0.0,
         key="start_s",
     )
-    end: float = as_in(WeightSection, "end")
-    allowance: float = quantity(
+    end: float = quantity("s", "where it ends; a frame that appears then is outside", above=0.0, key="end_s")
+    weight: float | None = quantity(
         "1",
-        "multiple of the rate limit: 0 holds brightness still, 1 allows what was fitted",
+        "how much each of its frames counts in the objective; empty: 1, as of frames outside all sections",
         minimum=0.0,
         maximum=LARGEST_WEIGHT,
+        default=None,
+    )
+    allowance: float | None = quantity(
+        "1",
+        "multiple of the fitted rate limit: 0 holds brightness still; empty: 1, as outside all sections",
+        minimum=0.0,
+        maximum=LARGEST_WEIGHT,
+        default=None,
     )
 
     def __post_init__(self) -> None:
-        _require_length(self.start, self.end)
+        if not self.start < self.end:
+            raise ValueError(f"need start_s < end_s, got {self.start:g} and {self.end:g}")
 
 
-def _require_length(start: float, end: float) -> None:
-    if not start < end:
-        raise ValueError(f"need start_s < end_s, got {start:g} and {end:g}")
+def read_sections(path: Path, column: str) -> tuple[VideoSection, ...]:
+    """Return the sections of a table that says a `weight` or an `allowance` of them.
+
+    Raises
+    ------
+    InputError
+        If it is no such table.
+    """
+    sections = tuple(read_rows(VideoSection, path))
+    if sections and all(getattr(one, column) is None for one in sections):
+        raise InputError(f"{path}: says no {column}; give a csv table start_s,end_s,{column}")
+    return sections

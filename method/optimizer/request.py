@@ -16,7 +16,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, VideoSection
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
 from evenlight.method.optimizer.objective import SPREAD, Objective
@@ -33,9 +33,9 @@ class Request:
     rate_limit: RateLimit  # ΔL(L), fitted on the curves' display
     limit_curve: LimitCurve = LimitCurve.FITTED  # the fitted curve, or the lower edge of its band
     modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN  # whose luminance the rate limit is about
-    weights: tuple[WeightSection, ...] = ()  # sections that count more or less than others
+    weights: tuple[VideoSection, ...] = ()  # sections that count more or less than others
     # sections in which brightness may change faster than the rate limit, or not at all
-    allowances: tuple[AllowanceSection, ...] = ()
+    allowances: tuple[VideoSection, ...] = ()
     minimized: Objective = SPREAD  # what is minimized
     battery: float | None = None  # capacity of the battery that the panel draws on [Wh]; None: not known
 
@@ -141,7 +141,7 @@ def _require_between(request: Request, limits: tuple[float, float], lowest_facto
         )
 
 
-def frame_weights(curves: LossCurves, sections: Sequence[WeightSection]) -> Array | None:
+def frame_weights(curves: LossCurves, sections: Sequence[VideoSection]) -> Array | None:
     """Return how much each frame counts, 1 on average; None where all count alike, (N,).
 
     Raises
@@ -158,7 +158,7 @@ def frame_weights(curves: LossCurves, sections: Sequence[WeightSection]) -> Arra
 
 
 def step_allowances(
-    curves: LossCurves, sections: Sequence[AllowanceSection], joints: Sequence[int] = ()
+    curves: LossCurves, sections: Sequence[VideoSection], joints: Sequence[int] = ()
 ) -> Array | None:
     """Return how many times the rate limit each step may reach; None where all may reach just that, (N-1,).
 
@@ -166,7 +166,7 @@ def step_allowances(
     ----------
     curves : LossCurves
         N frames.
-    sections : sequence of AllowanceSection
+    sections : sequence of VideoSection
         A step belongs to the moment at which the later one of its two frames appears.
     joints : sequence of int
         Frames that begin another clip: the step to them is not seen, and is free.
@@ -185,8 +185,8 @@ def step_allowances(
 
 def _by_section(
     curves: LossCurves,
-    sections: Sequence[WeightSection | AllowanceSection],
-    values: Sequence[float],
+    sections: Sequence[VideoSection],
+    values: Sequence[float | None],
     argument: str,
 ) -> Array:
     """Return the value of the section that each frame belongs to; 1 outside all, (N,)."""
@@ -199,5 +199,5 @@ def _by_section(
             raise InputError(f"{where} holds no frame: frames appear from {curves.times[0]:g} to {last:g} s")
         if (inside & taken).any():
             raise InputError(f"{where} overlaps another one; give each frame one section")
-        of_frames[inside], taken = value, taken | inside
+        of_frames[inside], taken = 1.0 if value is None else value, taken | inside
     return of_frames

@@ -45,7 +45,7 @@ from evenlight.data_schema.recordings.sweep import (
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
 from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, ComparisonTrial, RatingDesign
 from evenlight.data_schema.threshold import Threshold
-from evenlight.data_schema.tracks.brightness_track import AllowanceSection, ExportedTrack, WeightSection
+from evenlight.data_schema.tracks.brightness_track import ExportedTrack, VideoSection
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
 
 Values = dict[str, Any]
@@ -347,9 +347,8 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     FrameEnergy: an_energy_unless_left_out,
     PassPower: used_if_measured,
     VersionPower: a_whole_interval,
-    WeightSection: lambda values: values | {"end": 2 * values["start"] + 1},
+    VideoSection: lambda values: values | {"end": 2 * values["start"] + 1},
     MinimizedOutcome: lambda values: values | {"bound": min(values["bound"], values["value"])},
-    AllowanceSection: lambda values: values | {"end": 2 * values["start"] + 1},
     ExportedTrack: frames_in_order,
     Provenance: lambda values: values | {"schema_version": 1},
 }

@@ -45,9 +45,8 @@ from evenlight.data_schema.storage.tables import read_rows, write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.threshold import Threshold
 from evenlight.data_schema.tracks.brightness_track import (
-    AllowanceSection,
     BudgetUnit,
-    WeightSection,
+    read_sections,
     read_track,
 )
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
@@ -312,11 +311,9 @@ def kinds_in(root: Path) -> dict[str, Kind]:
         "stimuli/gym/summary.json": Kind(root, lambda _: simulate_ratings(scratch, root / "stimuli"), 2),
         "stimuli/gym/loss_curves.npz": Kind(root, lambda _: simulate_ratings(scratch, root / "stimuli"), 2),
         "thresholds.csv": Kind(root, lambda path: read_rows(Threshold, path)),
-        "weights.csv": Kind(
-            root, lambda path: optimized(whole, weights=tuple(read_rows(WeightSection, path))), 2
-        ),
+        "weights.csv": Kind(root, lambda path: optimized(whole, weights=read_sections(path, "weight")), 2),
         "allowances.csv": Kind(
-            root, lambda path: optimized(whole, allowances=tuple(read_rows(AllowanceSection, path))), 2
+            root, lambda path: optimized(whole, allowances=read_sections(path, "allowance")), 2
         ),
         "ratings.csv": Kind(root, lambda path: import_ratings(scratch, path), 2),
         "trials.json": Kind(root, lambda path: import_ratings(scratch, path), 2),

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.tracks.brightness_track import AllowanceSection, BudgetUnit, WeightSection
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, VideoSection
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import order_weights, pairwise_spread, proximal_spread
 from evenlight.method.optimizer.optimize import clip_of, is_feasible, joined_curves, joints, optimize, pose
@@ -113,7 +113,9 @@ def test_a_held_section_is_constant_and_a_freed_cut_is_used(make_curves, make_pr
         loss, luminance=40.0, knots=9
     )  # at 3 % per second of 40 cd/m², next to nothing in 2.4 s
     tight = make_problem(curves, 0.5)
-    cut = step_allowances(curves, [AllowanceSection(1.2, 1.21, 1e4), AllowanceSection(0.2, 0.6, 0.0)])
+    cut = step_allowances(
+        curves, [VideoSection(1.2, 1.21, allowance=1e4), VideoSection(0.2, 0.6, allowance=0.0)]
+    )
     assert cut is not None
     assert cut[29] == 1e4  # frame 30 appears at 1.2 s: the step to it is the 29th
     assert (cut[4:14] == 0).all()
@@ -138,9 +140,9 @@ def test_a_scene_that_counts_for_nothing_gives_its_light_to_the_others(make_curv
 @pytest.mark.parametrize(
     ("sections", "says"),
     [
-        ([WeightSection(0.0, 1.0, 2.0), WeightSection(0.5, 2.0, 1.0)], "from 0.5 to 2 s overlaps"),
-        ([WeightSection(90.0, 91.0, 2.0)], "from 90 to 91 s holds no frame"),
-        ([WeightSection(0.0, 90.0, 0.0)], "every frame the weight 0"),
+        ([VideoSection(0.0, 1.0, 2.0), VideoSection(0.5, 2.0, 1.0)], "from 0.5 to 2 s overlaps"),
+        ([VideoSection(90.0, 91.0, 2.0)], "from 90 to 91 s holds no frame"),
+        ([VideoSection(0.0, 90.0, 0.0)], "every frame the weight 0"),
     ],
 )
 def test_sections_that_do_not_fit_are_refused(make_curves, sections, says) -> None:

@@ -43,6 +43,12 @@ def test_weights_and_allowances_are_kept_and_named_in_the_summary(command, tmp_p
     assert summary["max_rate_ratio_fitted"] == pytest.approx(ratio, rel=1e-12)
     checked = command("validate", tmp_path)
     assert checked.code == 0, checked.out
+    one = tmp_path / "one.csv"  # table for both: an empty cell is as outside all sections
+    one.write_text("start_s,end_s,weight,allowance\n0,1,3,\n1,2,3,0\n2,2.1,,0\n3,3.5,,20\n4,5,0,\n")
+    both = tmp_path / "both"
+    options = ("--weights", one, "--allowances", one, "--budget", 0.5, "--quiet")
+    assert command("optimize", "--no-player", videos[0], *options, "--out", both).code == 0
+    assert (both / "track.csv").read_bytes() == (out / "track.csv").read_bytes()
 
 
 def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, videos, monkeypatch) -> None:
@@ -114,6 +120,7 @@ def test_an_earlier_track_may_be_the_start(command, tmp_path, videos) -> None:
         ("start_s,end_s,weight\n0,1,-3\n", "weight"),
         ("start_s,end_s,weight\n90,91,3\n", "holds no frame"),
         ("start,end,weight\n0,1,3\n", "start_s"),
+        ("start_s,end_s,allowance\n0,1,3\n", "w.csv: says no weight; give a csv table start_s,end_s,weight"),
     ],
 )
 def test_bad_sections_end_with_one_line(command, tmp_path, videos, text, says) -> None:
