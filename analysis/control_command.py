@@ -9,40 +9,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.analysis.tracks.dimming_options import DimmedOn, option, path_of
+from evenlight.analysis.tracks.control_request import Steered
+from evenlight.analysis.tracks.dimming_options import DimmedOn, path_of
 from evenlight.analysis.tracks.track_request import Analysed, OneVideo, closing_words
 from evenlight.analysis.wording import percent
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.experiments.playback.play_options import AimOptions, with_options
+from evenlight.experiments.playback.play_options import with_options
 from evenlight.method.choices import AnalysisEffort
-from evenlight.option_panels import asked, expert, output
+from evenlight.option_panels import output
 
 if TYPE_CHECKING:
     from evenlight.analysis.tracks.control_run import ControlJob, ControlResult
-    from evenlight.method.online.controller import ControllerSettings
 
 
 @dataclass(frozen=True, kw_only=True)
-class ControlledOptions(AimOptions, OneVideo, Analysed):
+class ControlledOptions(Steered, OneVideo, Analysed):
     """What `evenlight control` takes beside the display and its limits."""
 
     out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")]
-    lookahead: Annotated[
-        float | None,
-        asked(
-            metavar="SECONDS",
-            help="Plan ahead, with so many seconds of the video to come known (0: none), in place of the "
-            "PID controller.",
-        ),
-    ] = None
-    start_factor: Annotated[
-        float | None,
-        expert(
-            metavar="FACTOR",
-            help="Brightness factor of the first frame. Otherwise the one at which it has the target loss.",
-        ),
-    ] = None
 
 
 def _control(asked: ControlledOptions, on: DimmedOn) -> None:
@@ -67,20 +51,14 @@ control = with_options(_control, ControlledOptions, DimmedOn)
 
 def _job(asked: ControlledOptions, on: DimmedOn) -> ControlJob:
     from evenlight.analysis.tracks.control_run import ControlJob
-    from evenlight.method.online.governor import HORIZON, GovernorSettings
-    from evenlight.method.online.lookahead import LookaheadSettings
-    from evenlight.method.optimizer.request import require_possible
     from evenlight.stimuli.sequences import open_video
 
     on.check()
     asked.check_analysis()
-    settings = _settings(asked, on.min_factor)
-    unit = asked.budget_unit or BudgetUnit.FACTOR
-    horizon = HORIZON if asked.horizon is None else asked.horizon
-    display = on.shown_on(asked.curves)
-    request = on.within(1.0 if asked.budget is None else asked.budget, unit, display)
-    if asked.budget is not None:
-        require_possible(request, on.min_factor)
+    settings = asked.settings(on.min_factor)
+    if asked.budget is None and (asked.horizon is not None or asked.budget_unit is not None):
+        raise InputError("--horizon and --budget-unit are for --budget, which is not given")
+    display, request = asked.posed(on, asked.curves)
     effort = AnalysisEffort()
     if asked.curves is None:
         effort = asked.effort(display, on.model()[0], asked.quiet)
@@ -89,39 +67,10 @@ def _job(asked: ControlledOptions, on: DimmedOn) -> ControlJob:
         replace(work, curves=path_of(asked.curves), quiet=asked.quiet, effort=effort),
         settings,
         start_factor=asked.start_factor,
-        budget=None if asked.budget is None else GovernorSettings(asked.budget, unit, horizon),
+        budget=asked.governor(request),
         target_is_given=asked.target_loss is not None,
-        lookahead=None if asked.lookahead is None else LookaheadSettings(asked.lookahead, horizon),
+        lookahead=asked.known_ahead,
     )
-
-
-def _settings(asked: ControlledOptions, min_factor: float) -> ControllerSettings:
-    """Return target, gains and bounds of the controller; refuse options that do not go together."""
-    from evenlight.inputs import number
-    from evenlight.method.online.controller import ControllerSettings
-    from evenlight.method.online.governor import HORIZONS
-    from evenlight.method.online.lookahead import LOOKAHEADS
-
-    gains = asked.gains
-    if asked.target_loss is None and asked.budget is None:
-        raise InputError("give --target-loss, the contrast loss to hold, or --budget, which it is to follow")
-    if asked.budget is None and (asked.horizon is not None or asked.budget_unit is not None):
-        raise InputError("--horizon and --budget-unit are for --budget, which is not given")
-    bounds = {
-        "target_loss": (0.0, 1.0),
-        "start_factor": (min_factor, 1.0),
-        **dict.fromkeys(gains, (0.0, 1e6)),
-        "lookahead": LOOKAHEADS,
-        "horizon": HORIZONS,
-    }
-    for name, ends in bounds.items():
-        if (value := getattr(asked, name)) is not None:
-            number(option(name), value, *ends)
-    if asked.lookahead is not None and gains:
-        raise InputError(
-            f"{option(next(iter(gains)))} is for the PID controller; --lookahead does without: leave one"
-        )
-    return ControllerSettings(asked.target_loss or 0.0, lowest_factor=min_factor, **gains)
 
 
 def _result_in_words(done: ControlResult) -> Iterator[str]:

@@ -7,33 +7,29 @@ from typing import Annotated
 
 import typer
 
-from evenlight.analysis.tracks.dimming_options import (
+from evenlight.method.contrast.measures import MEASURES
+from evenlight.option_panels import asked, expert, output, words_and_files
+from evenlight.stimuli.dimming_options import (
     DisplayOption,
     FpsOption,
     JobsOption,
     NoCacheOption,
     QuietOption,
+    TrackArgument,
     VideoArgument,
+    names_in,
 )
-from evenlight.method.contrast.measures import MEASURES
-from evenlight.option_panels import asked, expert, output, words_and_files
 
 
 def judge(
     video: VideoArgument,
-    track: Annotated[
-        Path,
-        typer.Argument(
-            help="Its track: the folder that `evenlight optimize` wrote, or track.csv with track.json "
-            "beside it."
-        ),
-    ],
+    track: TrackArgument,
     out: Annotated[Path, output(help="Folder for judgement.json, a figure and report.html.")],
-    measure: Annotated[
-        list[str] | None,
+    measures: Annotated[
+        str | None,
         asked(
-            metavar="NAME",
-            help=f"Which measure of loss: {', '.join(MEASURES)}. Otherwise all.",
+            metavar="NAME,NAME",
+            help=f"Which measures of loss: {', '.join(MEASURES)}. Otherwise all.",
             autocompletion=words_and_files(*MEASURES),
         ),
     ] = None,
@@ -56,7 +52,7 @@ def judge(
     from evenlight.stimuli.sequences import open_video
 
     whole("--jobs", jobs)
-    names = tuple(dict.fromkeys(measure or MEASURES))
+    names = tuple(dict.fromkeys(MEASURES if measures is None else names_in(measures)))
     for name in names:
         measure_named(name)
     loaded = load_track(track)

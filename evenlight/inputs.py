@@ -13,7 +13,6 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.tracks.dimming_options import MIN_FACTORS as MIN_FACTORS
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -30,6 +29,7 @@ from evenlight.method.preset_files import (
     load_power_model,
     load_rate_limit,
 )
+from evenlight.stimuli.dimming_options import MIN_FACTORS as MIN_FACTORS
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource

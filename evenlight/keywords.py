@@ -16,7 +16,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.option_panels import GONE, METAVARS, RIGHT_NAMES
 
 OF_COMMANDS = ("no_cache", "no_player")  # what Python has no use for
-UNITS = {"DEGREES": "deg", "HZ": "Hz"}
+UNITS = {"DEGREES": "deg", "HZ": "Hz", "SECONDS": "s"}
 P = ParamSpec("P")
 Asked = ParamSpec("Asked")
 First = TypeVar("First")
@@ -48,7 +48,6 @@ def takes_fields_of(
     """
 
     def taking(function: Asking[First, Made]) -> Callable[Concatenate[First, Asked], Made]:
-        fields = [one for one in dataclasses.fields(record) if one.name not in OF_COMMANDS]  # type: ignore[arg-type] # a class
         own = next(iter(signature(function).parameters.values()))
         keywords = [
             Parameter(
@@ -56,7 +55,7 @@ def takes_fields_of(
                 Parameter.KEYWORD_ONLY if one.kw_only else Parameter.POSITIONAL_OR_KEYWORD,
                 default=Parameter.empty if one.default is dataclasses.MISSING else _plain(one.default),
             )
-            for one in fields
+            for one in _fields(record)
         ]
         declared = signature(function).replace(parameters=[own, *keywords])
 
@@ -65,16 +64,25 @@ def takes_fields_of(
             try:
                 bound = declared.bind(*given, **asked).arguments
             except TypeError as error:
-                raise TypeError(f"{function.__name__}() {error}") from None
+                raise TypeError(f"{function.__qualname__}() {error}") from None
             return function(bound.pop(own.name), bound)
 
         flat.__signature__ = declared  # type: ignore[attr-defined] # inspect looks for it
-        hints = get_type_hints(record, include_extras=True)
-        described = "\n".join(_described(one, *get_args(hints[one.name])[:2]) for one in fields)
-        flat.__doc__ = cleandoc(function.__doc__ or "").replace("{fields}", described)
+        flat.__doc__ = with_fields(function.__doc__, record)
         return right_names(flat)
 
     return taking
+
+
+def with_fields(docstring: str | None, record: Callable[..., Any]) -> str:
+    """Return a docstring with the fields of a record in place of `{fields}`."""
+    hints = get_type_hints(record, include_extras=True)
+    described = "\n".join(_described(one, *get_args(hints[one.name])[:2]) for one in _fields(record))
+    return cleandoc(docstring or "").replace("{fields}", described)
+
+
+def _fields(record: Callable[..., Any]) -> list[dataclasses.Field[Any]]:
+    return [one for one in dataclasses.fields(record) if one.name not in OF_COMMANDS]  # type: ignore[arg-type] # a class
 
 
 def _plain(value: Any) -> Any:
@@ -100,7 +108,9 @@ def _described(field: dataclasses.Field[Any], kind: Any, option: Any) -> str:
     optional = ", optional" if field.default is None else ""
     help_ = option.help.replace("--with", "`others`")
     help_ = re.sub(r"--([a-z][a-z-]*)", lambda found: f"`{found[1].replace('-', '_')}`", help_)
-    if unit := UNITS.get(METAVARS.get(field.name, "")):
+    if field.default is None and isinstance(option.show_default, str):
+        help_ += f" Default: {option.show_default}."
+    if unit := UNITS.get(option.metavar or METAVARS.get(field.name, "")):
         help_ += f" [{unit}]"
     text = textwrap.fill(help_, 106, initial_indent="    ", subsequent_indent="    ")
     return f"{field.name} : {words}{optional}\n{text}"

@@ -8,30 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.analysis.tracks.control_request import LoopRequest
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.contrast_model import ContrastModel
-from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.power_model import PowerModel
-from evenlight.data_schema.rate_limit import RateLimit
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.inputs import (
-    MIN_FACTORS,
-    Named,
-    choice,
-    contrast_model_of,
-    display_of,
-    field_of_view_in,
     frame_of,
-    number,
     positive,
-    power_model_of,
-    rate_limit_of,
 )
-from evenlight.keywords import right_names
-from evenlight.method.choices import Device, LimitCurve
+from evenlight.keywords import takes_fields_of, with_fields
+from evenlight.method.choices import Device
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.contrast.frame_analysis import FrameAnalyzer
 from evenlight.method.contrast.frame_light import FrameLight
@@ -39,32 +26,24 @@ from evenlight.method.contrast.loss_curves import analyze_frames, brightness_fac
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.online.controller import (
     Controller,
-    ControllerSettings,
     ControllerState,
     FrameMeasurement,
     SteeredTarget,
 )
 from evenlight.method.online.gain import GainMonitor, gain_warning
 from evenlight.method.online.governor import (
-    HORIZON,
-    HORIZONS,
     ContentCosts,
     FrameCost,
-    GovernorSettings,
     GovernorState,
     first_factor,
     governor_of,
 )
 from evenlight.method.online.lookahead import (
-    LOOKAHEADS,
     ForeseenFrame,
     LookaheadController,
-    LookaheadSettings,
     PlannedFrame,
 )
-from evenlight.method.optimizer.request import Request, require_possible
 from evenlight.method.power import power_per_factor
-from evenlight.method.preset_files import usable_limit
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, viewing_geometry
 
@@ -82,39 +61,7 @@ class OnlineController:
 
     Parameters
     ----------
-    target_loss : float, optional
-        c_r, the contrast loss to hold, in [0, 1]. Without it the first target is what the first frame loses
-        where it meets the budget.
-    budget : float, optional
-        The mean over the horizon, in `budget_unit`. Give this, a target, or both.
-    budget_unit : {"factor", "power", "watt"}
-        Mean factor, share of the power at full brightness, or watt.
-    horizon : float
-        Over which the mean is to meet the budget [s].
-    display : str, path or Display, optional
-        A preset, a file or the record; else the one that the rate limit was fitted on.
-    power_model, rate_limit, contrast_model : str, path or record
-        Presets by name, files by path, or the records themselves.
-    field_of_view : float, optional
-        What the frames' width spans [deg]; else they are shown pixel for pixel.
-    fps : float
-        Of the loop, where `step` is not told how long each frame is shown [Hz].
-    min_factor : float
-        Lowest brightness factor.
-    start_factor : float, optional
-        Factor of the first frame; else where it has the target loss.
-    proportional, integral, derivative : float
-        K_p, K_i, K_d of the paper, per frame of 1 / `gain_rate`.
-    gain_rate : float
-        Frame rate that K_i and K_d are meant for [Hz].
-    limit_curve : {"fitted", "safe"}
-        The fitted rate limit, or the lower edge of its band.
-    other_display_ok : bool
-        Whether a rate limit that was fitted on another display will do.
-    accept_wide_band : bool
-        Whether a rate limit will do whose band is too wide for use: upper over lower edge above 4.
-    lookahead : float, optional
-        How much of what is to come is known [s], 0 for nothing; it has no gains. None: the PID controller.
+    {fields}
 
     Attributes
     ----------
@@ -143,72 +90,27 @@ class OnlineController:
     True
     """
 
-    @right_names
-    def __init__(
-        self,
-        target_loss: float | None = None,
-        *,
-        budget: float | None = None,
-        budget_unit: BudgetUnit | str = "factor",
-        horizon: float = HORIZON,
-        display: Named | Display | None = None,
-        power_model: Named | PowerModel = "surace2025",
-        rate_limit: Named | RateLimit = "surace2025",
-        contrast_model: Named | ContrastModel = "default",
-        field_of_view: float | None = None,
-        fps: float = 60.0,
-        min_factor: float = 0.2,
-        start_factor: float | None = None,
-        proportional: float = 0.2,
-        integral: float = 0.01,
-        derivative: float = 0.05,
-        gain_rate: float = 90.0,
-        limit_curve: str = "fitted",
-        other_display_ok: bool = False,
-        accept_wide_band: bool = False,
-        lookahead: float | None = None,
-    ) -> None:
-        if target_loss is None and budget is None:
-            raise InputError("give target_loss, the contrast loss to hold, or budget, which it is to follow")
-        asked = rate_limit_of(rate_limit)
-        self._display = display_of(display, asked)
-        self._model = contrast_model_of(contrast_model)
-        self._field_of_view = field_of_view_in(field_of_view)
+    @takes_fields_of(LoopRequest)
+    def __init__(self, request: dict[str, Any]) -> None:
+        asked = LoopRequest(**request)
+        asked.check()
+        settings, seconds = asked.settings(asked.min_factor), positive("fps", asked.fps)
+        self._display, posed = asked.posed(asked)
+        self._model, self._power = asked.model()[0], posed.power_model
+        self._field_of_view = asked.field_of_view
         self._geometry: ViewingGeometry | None = None
-        self._power = power_model_of(power_model)
-        limit = usable_limit(asked, self._display, other_display_ok, accept_wide_band)
-        lowest = number("min_factor", min_factor, *MIN_FACTORS)
-        unit = choice("budget_unit", budget_unit, BudgetUnit)
-        curve = choice("limit_curve", limit_curve, LimitCurve)
-        over = number("horizon", horizon, *HORIZONS)
-        self._budget: GovernorSettings | None = None
-        if budget is not None:
-            require_possible(Request(number("budget", budget), unit, self._power, limit), lowest)
-            self._budget = GovernorSettings(budget, unit, over)
-        settings = ControllerSettings(
-            target_loss=0.0 if target_loss is None else number("target_loss", target_loss, 0.0, 1.0),
-            proportional=number("proportional", proportional, 0.0, 1e6),
-            integral=number("integral", integral, 0.0, 1e6),
-            derivative=number("derivative", derivative, 0.0, 1e6),
-            gain_rate=positive("gain_rate", gain_rate),
-            lowest_factor=lowest,
-        )
-        if start_factor is not None:
-            number("start_factor", start_factor, lowest, 1.0)
-        self._controller = Controller(
-            settings, scalar_rate_limit(limit, self._display.reflected_luminance, curve)
-        )
-        self._target_is_given = target_loss is not None
-        self._start, self._duration = start_factor, 1 / positive("fps", fps)
+        reflected = self._display.reflected_luminance
+        limit = scalar_rate_limit(posed.rate_limit, reflected, posed.limit_curve)
+        self._controller, self._budget = Controller(settings, limit), asked.governor(posed)
+        self._target_is_given, self._ahead = asked.target_loss is not None, asked.known_ahead
+        self._start, self._duration = asked.start_factor, 1 / seconds
         self._state: ControllerState | None = None
         self._measure: OneFactorLoss | None = None
         self._light = FrameLight(self._display, self._model.pixel_to_luminance)
         self._costs = None if self._budget is None else ContentCosts(self._budget, self._power)
         self._cost: FrameCost | None = None
         self._governed: GovernorState | None = None
-        self._monitor = GainMonitor(over)
-        seconds = None if lookahead is None else number("lookahead", lookahead, *LOOKAHEADS)
-        self._ahead = None if seconds is None else LookaheadSettings(seconds, over)
+        self._monitor = GainMonitor(asked.seconds)
         self._planner: LookaheadController | None = None
         self._analysis: FrameAnalyzer | None = None
         self.factor: float | None = None
@@ -367,3 +269,6 @@ class OnlineController:
         self._governed, aim = governor.step(self._governed, shown, loss, self._cost.excess(shown.factor))
         self.target_loss = aim.target_loss
         return aim
+
+
+OnlineController.__doc__ = with_fields(OnlineController.__doc__, LoopRequest)

@@ -70,6 +70,7 @@ RIGHT_NAMES = {
     "frames_per_second": "fps",
     "frame_rate": "fps",
     "battery": "battery_wh",
+    "measure": "measures",
 }
 # Options of earlier versions, and why they are gone.
 GONE = {

@@ -87,7 +87,8 @@ def _with_its_opposite(declared: Parameter) -> Any:
         return declared.annotation
     option: Any = copy.copy(options[0])
     flag = f"--{declared.name.replace('_', '-')}"
-    option.param_decls = (f"{flag}/{flag.replace('--no-', '--') if '--no-' in flag else f'--no-{flag[2:]}'}",)
+    opposite = flag.replace("--no-", "--") if flag.startswith("--no-") else f"--no-{flag[2:]}"
+    option.default, option.param_decls = f"{flag}/{opposite}", ()  # Typer has its first name as the default
     return Annotated[bool, option]
 
 

@@ -7,7 +7,6 @@ from pathlib import Path
 import typer
 
 from evenlight.experiments.playback.play_options import (
-    GAINS,
     HeadsetOptions,
     LiveOptions,
     PowerOptions,
@@ -17,6 +16,7 @@ from evenlight.experiments.playback.play_options import (
     refuse,
     with_options,
 )
+from evenlight.stimuli.dimming_options import GAINS
 
 
 def _play(

@@ -13,18 +13,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.analysis.tracks.dimming_options import (
-    DimmedOn,
-    File,
-    JobsOption,
-    Member,
-    Names,
-    QuietOption,
-    VideoArgument,
-    Videos,
-    option,
-    path_of,
-)
+from evenlight.analysis.tracks.dimming_options import DimmedOn, option, path_of
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import (
@@ -36,6 +25,17 @@ from evenlight.method.choices import (
 )
 from evenlight.method.contrast.measures import MEASURES, ROBUST, measures_named
 from evenlight.option_panels import asked, expert
+from evenlight.stimuli.dimming_options import (
+    File,
+    JobsOption,
+    Member,
+    Names,
+    QuietOption,
+    VideoArgument,
+    Videos,
+    device_option,
+    names_in,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -111,13 +111,7 @@ class Analysed:
         expert(help="loss_curves.npz of an earlier run on this video and display, to save the analysis."),
     ] = None
     jobs: JobsOption = 1
-    device: Annotated[
-        Member[Device],
-        expert(
-            help="What computes loss curves: the processor, the graphics processor (OpenGL 4.3), or that "
-            "where it is hardware."
-        ),
-    ] = Device.CPU
+    device: Annotated[Member[Device], device_option] = Device.CPU
 
     def check_analysis(self, named: Callable[[str], str] = option) -> None:
         """Refuse, in one line, how no video can be analysed."""
@@ -249,8 +243,7 @@ class TrackRequest(Analysed, WantedOfAll):
             return ()
         if self.measures is None:
             return ROBUST
-        items = self.measures.split(",") if isinstance(self.measures, str) else self.measures
-        return measures_named([name for item in items if (name := item.strip())])
+        return measures_named(names_in(self.measures))
 
     def posed(self, known: LossCurves | None = None) -> tuple[Display, Request]:
         """Return the display and the request, read from their files, without a look at the video.

@@ -19,11 +19,16 @@ from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.method.choices import Device, LimitCurve
-from evenlight.option_panels import asked, expert, output, viewing
+from evenlight.method.choices import Device
+from evenlight.option_panels import expert, output, viewing
+from evenlight.stimuli.dimming_options import (
+    AimOptions,
+    Member,
+    OnDisplay,
+    WithinLimit,
+    device_option,
+)
 
-GAINS = ("proportional", "integral", "derivative", "gain_rate")
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 Returned = TypeVar("Returned")
 _video = functools.partial(typer.Option, rich_help_panel="A video with its track")
@@ -51,8 +56,8 @@ class Projection(enum.Enum):
     WHOLE = "360"  # a sphere all around, equirectangular
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScreenOptions:
+@dataclass(frozen=True, kw_only=True)
+class ScreenOptions(OnDisplay):
     """What is shown, on what; what several jobs share."""
 
     video: Annotated[
@@ -75,13 +80,6 @@ class ScreenOptions:
             "large as the video."
         ),
     ] = None
-    display: Annotated[
-        str | None,
-        viewing(help="The display: a preset or a toml file. Otherwise that of the rig, or of the track."),
-    ] = None
-    other_display_ok: Annotated[
-        bool, expert("--other-display-ok", help="Accept a track that was made for another display.")
-    ] = False
     other_geometry_ok: Annotated[
         bool,
         expert("--other-geometry-ok", help="Accept a track made for another visual angle of the video."),
@@ -215,78 +213,11 @@ class WalkOptions:
 
 
 @dataclass(frozen=True, kw_only=True)
-class AimOptions:
-    """What the online controller aims at, of `play` and of `control`."""
-
-    target_loss: Annotated[
-        float | None,
-        asked(
-            help="Share of visible contrast that each frame may lose, 0 to 1; with --budget only to begin "
-            "with."
-        ),
-    ] = None
-    budget: Annotated[
-        float | None, asked(help="Budget to meet on average, in --budget-unit; the target loss follows it.")
-    ] = None
-    budget_unit: Annotated[
-        BudgetUnit | None,
-        asked(
-            help="What --budget counts: the mean brightness factor, the share of the power at full "
-            "brightness, or watts.",
-            show_default="factor",
-        ),
-    ] = None
-    horizon: Annotated[
-        float | None, asked(help="Time over which the mean is to meet the budget.", show_default="60")
-    ] = None
-    proportional: Annotated[
-        float | None, expert(metavar="K_P", help="Proportional gain.", show_default="0.2")
-    ] = None
-    integral: Annotated[
-        float | None,
-        expert(metavar="K_I", help="Integral gain, per frame of --gain-rate.", show_default="0.01"),
-    ] = None
-    derivative: Annotated[
-        float | None,
-        expert(metavar="K_D", help="Derivative gain, per frame of --gain-rate.", show_default="0.05"),
-    ] = None
-    gain_rate: Annotated[
-        float | None,
-        expert(
-            metavar="HZ",
-            help="Frame rate that the gains are for; 0: that of the video or the display.",
-            show_default="90",
-        ),
-    ] = None
-
-    @property
-    def gains(self) -> dict[str, Any]:
-        """The gains that are given, by name; a rate of 0 is None."""
-        given = {name: gain for name in GAINS if (gain := getattr(self, name)) is not None}
-        return given | ({"gain_rate": None} if self.gain_rate == 0 else {})
-
-
-@dataclass(frozen=True, kw_only=True)
-class LiveOptions(AimOptions):
+class LiveOptions(WithinLimit, AimOptions):
     """The online controller that dims a walk."""
 
     PANEL = LIVE_PANEL  # of what it aims at, too
-    rate_limit: Annotated[
-        str | None,
-        _live(
-            help="How fast luminance may change: a preset, or rate_limit.json of `evenlight fit`. Otherwise "
-            "the paper's."
-        ),
-    ] = None
-    device: Annotated[
-        Device | None, expert(help="What computes the loss. Otherwise what is fastest here.")
-    ] = None
-    limit_curve: Annotated[
-        LimitCurve | None, expert(help="The fitted rate limit, or the lower (safe) edge of its band.")
-    ] = None
-    accept_wide_band: Annotated[
-        bool, expert("--accept-wide-band", help="Use a rate limit even if it is known too imprecisely.")
-    ] = False
+    device: Annotated[Member[Device], device_option] = Device.AUTO
 
     @property
     def dims(self) -> bool:
@@ -312,9 +243,9 @@ def refuse(because: str, options: object, *names: str) -> None:
     *names : str
         Which of its fields; all, if none is named.
     """
-    for name in names or options.__dataclass_fields__:  # type: ignore[attr-defined] # of any dataclass
-        given = getattr(options, name)
-        if given is not None and given is not False:
+    declared = options.__dataclass_fields__  # type: ignore[attr-defined] # of any dataclass
+    for name in names or declared:
+        if getattr(options, name) != declared[name].default:
             raise InputError(because.format("TRACK" if name == "track" else f"--{name.replace('_', '-')}"))
 
 

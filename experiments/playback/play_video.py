@@ -159,7 +159,7 @@ def video_request(screen: ScreenOptions, headset: HeadsetOptions) -> VideoReques
     loaded = load_track(screen.track)
     video, pixels = video_of(screen.video, loaded.track, screen.size)
     require_fit(video, loaded.track)
-    rig, display = rig_of(screen.rig, screen.display, lambda: display_of(loaded.track), pixels)
+    rig, display = rig_of(screen.rig, screen.display_name, lambda: display_of(loaded.track), pixels)
     if not screen.other_display_ok:
         otherwise = ", or play this one all the same with --other-display-ok"
         require_display_of(loaded.track.header, display, rig.display, otherwise)

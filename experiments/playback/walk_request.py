@@ -21,12 +21,7 @@ from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, 
 from evenlight.experiments.playback.live_record import LOG, live_control, with_budget, write_live
 from evenlight.experiments.playback.loss_meters import open_meter
 from evenlight.experiments.playback.picture_luminance import LateLuminance
-from evenlight.experiments.playback.play_options import (
-    LiveOptions,
-    ScreenOptions,
-    WalkOptions,
-    interrupted,
-)
+from evenlight.experiments.playback.play_options import LiveOptions, ScreenOptions, WalkOptions, interrupted
 from evenlight.experiments.playback.play_video import rig_of
 from evenlight.experiments.playback.player import (
     Pass,
@@ -55,6 +50,7 @@ from evenlight.method.preset_files import (
 )
 from evenlight.method.rate_limit import scalar_rate_limit
 from evenlight.stimuli.commands import size_in
+from evenlight.stimuli.dimming_options import Member
 from evenlight.stimuli.scenes.content.catalogue import SCENES
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
 from evenlight.stimuli.video.viewing_geometry import field_of_view_on
@@ -64,7 +60,7 @@ RATE_LIMIT = POWER_MODEL = "surace2025"
 
 
 def budget_asked(
-    budget: float | None, unit: BudgetUnit | None, horizon: float | None, power_model: str | None
+    budget: float | None, unit: Member[BudgetUnit] | None, horizon: float | None, power_model: str | None
 ) -> LiveBudget | None:
     """Return what `--budget`, `--budget-unit`, `--horizon` and `--power-model` ask for.
 
@@ -75,7 +71,7 @@ def budget_asked(
     """
     if budget is None:
         return None
-    unit, seconds = unit or BudgetUnit.FACTOR, HORIZON if horizon is None else horizon
+    unit, seconds = BudgetUnit(unit or BudgetUnit.FACTOR), HORIZON if horizon is None else horizon
     if not 0 < budget < float("inf"):
         raise InputError(f"--budget must be above 0, got {budget:g}")
     if not HORIZONS[0] <= seconds <= HORIZONS[1]:
@@ -203,10 +199,10 @@ def asked_walk(
     """
     controlled = LiveRequest(
         target_loss=live.target_loss,
-        rate_limit=live.rate_limit or RATE_LIMIT,
-        limit_curve=live.limit_curve or LimitCurve.FITTED,
+        rate_limit=str(live.rate_limit),
+        limit_curve=LimitCurve(live.limit_curve),
         gains=live.gains,
-        device=live.device or Device.AUTO,
+        device=Device(live.device),
         out=screen.out,
         other_display_ok=screen.other_display_ok,
         budget=budget_asked(live.budget, live.budget_unit, live.horizon, screen.power_model),
@@ -215,7 +211,7 @@ def asked_walk(
     return WalkRequest(
         scene=screen.video,
         rig=screen.rig,
-        display=screen.display,
+        display=screen.display_name,
         size=screen.size,
         factor=walk.factor,
         record=walk.record,

@@ -75,7 +75,7 @@ def test_a_rate_limit_tells_the_display_of_its_tracks(
     out = tmp_path / "film-dimmed.mkv"
     assert command("apply", film, tmp_path / "library", "--out", out, "--quiet").code == 0
     judged = command(
-        "judge", film, tmp_path / "library", "--measure", "relative", "--no-modulation", "--no-cache",
+        "judge", film, tmp_path / "library", "--measures", "relative", "--no-modulation", "--no-cache",
         "--quiet", "--out", tmp_path / "judged",
     )  # fmt: skip
     assert judged.code == 0, judged.err

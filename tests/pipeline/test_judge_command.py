@@ -58,14 +58,14 @@ def test_the_default_measure_says_what_the_optimizer_said(command, tmp_path, jud
     (tmp_path / "out").mkdir()
     for former in ("judgement.csv", "agreement.csv"):  # of an earlier version: the new numbers are others
         (tmp_path / "out" / former).touch()
-    measures = ("--measure", "relative", "--measure", "castle")
+    measures = ("--measures", "relative, castle")
     result = command("judge", clip, track, "--out", tmp_path / "out", "--no-modulation", *measures)
     assert result.code == 0, result.err
     assert not list((tmp_path / "out").glob("*.csv"))
     summary = json.loads((track / "summary.json").read_text())
     relative, castle = told(tmp_path / "out")["measured"]
     asked = tomllib.loads((tmp_path / "out" / "request.toml").read_text())["asked"]
-    assert (asked["measure"], asked["modulation"], asked["jobs"]) == (["relative", "castle"], False, 1)
+    assert (asked["measures"], asked["modulation"], asked["jobs"]) == ("relative, castle", False, 1)
     assert relative["spread"] == pytest.approx(summary["objective"], rel=1e-9)
     assert relative["spread_constant"] == pytest.approx(summary["objective_baseline"], rel=1e-9)
     assert relative["mean_loss"] == pytest.approx(summary["mean_contrast_loss"], rel=1e-9)
@@ -103,7 +103,7 @@ def test_curves_that_were_kept_are_used_unless_the_track_goes_below_them(
     assert command("optimize", "--no-player", clip, *budget, "--out", low, "--no-cache", "--quiet").code == 0
     said = [
         command(
-            "judge", clip, of, "--out", tmp_path / f"out{k}", "--no-modulation", "--measure", "relative"
+            "judge", clip, of, "--out", tmp_path / f"out{k}", "--no-modulation", "--measures", "relative"
         ).err
         for k, of in enumerate([track, track, low])
     ]
@@ -138,7 +138,7 @@ def test_what_does_not_go_together_is_refused(command, tmp_path, judged) -> None
     line = refused(command, tmp_path, clip, track, "--display", lab)
     assert "here is 'varjo-xr3' in another calibration" in line
     assert "'quality'; give one of relative, soft," in refused(
-        command, tmp_path, clip, track, "--measure", "quality"
+        command, tmp_path, clip, track, "--measures", "quality"
     )
     assert "no such brightness track" in refused(command, tmp_path, clip, tmp_path / "none")
     assert "no video 'gone.mkv'" in refused(command, tmp_path, "gone.mkv", track)
