@@ -28,11 +28,12 @@ KNOWN = (
     "a data set (dataset_description.json, sub-* folders), results of `evenlight optimize` or "
     "`evenlight fit`, or a display, power model, rate limit or design file"
 )
-# Tables that commands read by rules of their own; files of earlier versions, whose numbers are in others now.
+# Tables that commands read by rules of their own; files of earlier versions that are others now, or gone.
 NO_RECORDS = (
     "*.catalogue.csv",
     "*.published.csv",
     *("agreement.csv", "control.json", "errors.csv", "judgement.csv", "power_table.csv", "tuning.json"),
+    "benchmark.json",
 )
 LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
 TOLERANCE = 1e-6  # relative; the order of summation is not the writer's
