@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import io
+from contextlib import AbstractContextManager
 from pathlib import Path, PurePosixPath
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.stimuli.video.video_locations import BLOCK, VideoPath, told_in_one_line
 
-if TYPE_CHECKING:
-    from _typeshed import WriteableBuffer
 
-
-class FilmBytes(io.RawIOBase):
+class FilmBytes(AbstractContextManager["FilmBytes"]):
     """An open film with a place of its own: `memory://` has one for all who read a file.
 
     What is read in its order is hashed on the way. A demuxer reads nearly all of a film so: but for an index
@@ -40,33 +38,27 @@ class FilmBytes(io.RawIOBase):
             self._stream: Any = open_input(path, "a video") if isinstance(path, Path) else path.opened()
             self.size = int(self._stream.seek(0, io.SEEK_END))
 
-    def readable(self) -> bool:
-        """Return that it can be read."""
-        return True
-
-    def seekable(self) -> bool:
-        """Return that it can be read from any place on."""
-        return True
-
-    def readinto(self, buffer: WriteableBuffer) -> int:
-        """Fill a buffer as far as there are bytes, and return how many there were."""
-        view = memoryview(buffer).cast("B")
+    def read(self, size: int) -> bytes:
+        """Return the next bytes, as far as there are so many."""
         with told_in_one_line(str(self._path)):
             self._stream.seek(self._place)
-            content = self._stream.read(len(view))
-            if not content and len(view) and self._place < self.size:
+            content: bytes = self._stream.read(size)
+            if not content and size and self._place < self.size:
                 raise OSError(f"it ends at byte {self._place} of {self.size}")
-        view[: len(content)] = content
         known = self._hashed - self._place
         self._place += len(content)
         if 0 <= known < len(content):
-            self._hash.update(view[known : len(content)])
+            self._hash.update(memoryview(content)[known:])
             self._hashed = self._place
-        return len(content)
+        return content
 
     def seek(self, offset: int, whence: int = io.SEEK_SET) -> int:
         """Go to a place, and return it [bytes]."""
         self._place = offset + {io.SEEK_SET: 0, io.SEEK_CUR: self._place, io.SEEK_END: self.size}[whence]
+        return self._place
+
+    def tell(self) -> int:
+        """Return the place of the next byte; FFmpeg seeks in what has one."""
         return self._place
 
     def sha256(self) -> str:
@@ -76,8 +68,5 @@ class FilmBytes(io.RawIOBase):
             pass
         return self._hash.hexdigest()
 
-    def close(self) -> None:
-        """Close the file."""
-        if not self.closed:
-            self._stream.close()
-        super().close()
+    def __exit__(self, *_: object) -> None:
+        self._stream.close()

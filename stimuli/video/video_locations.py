@@ -11,7 +11,7 @@ import io
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 from urllib.parse import unquote
@@ -59,17 +59,14 @@ def shown_name(name: str) -> str:
     return re.sub(secret, "", name, flags=re.DOTALL) if is_url(name) else name
 
 
-@dataclass(frozen=True, slots=True, repr=False)
+@dataclass(frozen=True, slots=True)
 class RemoteFile:
     """A file at a URL that fsspec knows; as a string, its URL without secrets."""
 
-    url: str  # with all that it takes to read it
+    url: str = field(repr=False)  # with all that it takes to read it
 
     def __str__(self) -> str:
         return shown_name(self.url)
-
-    def __repr__(self) -> str:
-        return f"RemoteFile({str(self)!r})"
 
     @property
     def stem(self) -> str:

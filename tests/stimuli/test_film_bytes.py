@@ -33,13 +33,14 @@ def film(path: Path, codec: str) -> Path:
 def read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """How many bytes each call read."""
     counts: list[int] = []
-    readinto = FilmBytes.readinto
+    read = FilmBytes.read
 
-    def counted(self: FilmBytes, buffer: bytearray) -> int:
-        counts.append(readinto(self, buffer))
-        return counts[-1]
+    def counted(self: FilmBytes, size: int) -> bytes:
+        content = read(self, size)
+        counts.append(len(content))
+        return content
 
-    monkeypatch.setattr(FilmBytes, "readinto", counted)
+    monkeypatch.setattr(FilmBytes, "read", counted)
     return counts
 
 

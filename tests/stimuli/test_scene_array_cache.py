@@ -67,14 +67,17 @@ def test_a_second_process_waits_until_the_first_has_made_it_and_then_finds_it() 
     assert out == "found\n"
 
 
-def test_an_interrupted_writing_leaves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_interrupted_writing_leaves_what_was_there(monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(np, "save", interrupted)
-    with pytest.raises(KeyboardInterrupt):
-        store_array("light-a", np.arange(5), "light-*")
-    assert names() == []
+    store_array("light-a", np.arange(5), "light-*")
+    monkeypatch.setattr("os.fsync", interrupted)
+    for name in ("light-a", "light-b"):
+        with pytest.raises(KeyboardInterrupt):
+            store_array(name, np.arange(6), "light-*")
+    assert names() == ["light-a.npy"]
+    np.testing.assert_array_equal(cached_array("light-a"), np.arange(5))
 
 
 def test_a_folder_that_cannot_be_written_to_is_no_failure(tmp_path: Path) -> None:

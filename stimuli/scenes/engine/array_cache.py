@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import io
 import os
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from functools import cache
@@ -20,6 +20,8 @@ import numpy as np
 from filelock import FileLock, Timeout
 from numpy.typing import NDArray
 
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.stimuli import fractal_noise, sequence_format, shaders
 
 OLD = 14 * 86400.0  # [s]
@@ -62,18 +64,10 @@ def store_array(name: str, array: NDArray[Any], instead_of: str) -> None:
 
     Where that fails, the array is made again next time.
     """
-    folder = cache_folder()
-    with contextlib.suppress(OSError):
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=folder, suffix=".part", delete=False) as part:
-            try:
-                np.save(part, array)
-                part.close()
-                Path(part.name).chmod(0o644)
-                Path(part.name).replace(folder / f"{name}.npy")
-            except BaseException:
-                Path(part.name).unlink(missing_ok=True)
-                raise
+    folder, content = cache_folder(), io.BytesIO()
+    np.save(content, array)
+    with contextlib.suppress(OSError, InputError):
+        write_whole(folder / f"{name}.npy", content.getvalue())
         for old in folder.glob(f"{instead_of}.npy"):
             # Another version of Evenlight may be in use beside this one, and keep its own.
             if time.time() - old.stat().st_mtime > OLD:

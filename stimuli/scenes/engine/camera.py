@@ -72,10 +72,7 @@ class Camera:
 
     def matrix(self, size: tuple[int, int]) -> Floats:
         """Return the matrix from the scene to OpenGL's clip space, for columns, (4, 4)."""
-        focal = self.focal_pixels(size[0])
-        lens = _lens(FAR)
-        lens[0, 0], lens[1, 1] = 2 * focal / size[0], 2 * focal / size[1]
-        return lens @ _from_scene(self.axes(), self.position)
+        return _to_clip(self, size, FAR)
 
     def tangents(self, size: tuple[int, int]) -> Edges:
         """Return where the edges of the picture are: left, right, down, up, a unit ahead of the eye.
@@ -119,28 +116,22 @@ class EyeView:
 
     def matrix(self, size: tuple[int, int]) -> Floats:
         """Return the matrix from the scene to OpenGL's clip space, for columns, (4, 4)."""
-        left, right, down, up = self.edges
-        lens = _lens(FAR_FOR_EYES)
-        lens[0, 0], lens[0, 2] = 2 / (right - left), -(right + left) / (right - left)
-        lens[1, 1], lens[1, 2] = 2 / (up - down), -(up + down) / (up - down)
-        return lens @ _from_scene(self.axes(), self.position)
+        return _to_clip(self, size, FAR_FOR_EYES)
 
 
 View = Camera | EyeView
 
 
-def _lens(far: float) -> Floats:
-    lens = np.zeros((4, 4))
+def _to_clip(seen: View, size: tuple[int, int], far: float) -> Floats:
+    left, right, down, up = seen.tangents(size)
+    lens, view = np.zeros((4, 4)), np.eye(4)
+    lens[0, 0], lens[0, 2] = 2 / (right - left), -(right + left) / (right - left)
+    lens[1, 1], lens[1, 2] = 2 / (up - down), -(up + down) / (up - down)
     lens[2, 2], lens[2, 3] = (far + NEAR) / (far - NEAR), -2 * far * NEAR / (far - NEAR)
     lens[3, 2] = 1.0
-    return lens
-
-
-def _from_scene(axes: Floats, position: Vector) -> Floats:
-    view = np.eye(4)
-    view[:3, :3] = axes
-    view[:3, 3] = -axes @ position
-    return view
+    view[:3, :3] = seen.axes()
+    view[:3, 3] = -seen.axes() @ seen.position
+    return lens @ view
 
 
 def focal_length_of(display: Display) -> float:
