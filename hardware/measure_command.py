@@ -34,8 +34,8 @@ LIBRARIES = {
     "ppk2_api": ("the power meter ppk2", INSTALL),
     "monitorcontrol": ("the backlight ddc", INSTALL),
     "pylsl": ("the trigger output lsl", "pip install '.[lsl]' in the checkout"),
-    "pyvisa": ("the power meter visa", INSTALL),
-    "pyvisa_py": ("the power meter visa, unless a vendor's VISA is there", INSTALL),
+    "pyvisa": ("the power meters scpi and visa", INSTALL),
+    "pyvisa_py": ("the power meters scpi and, unless a vendor's VISA is there, visa", INSTALL),
 }
 PROGRAMS = {
     "spotread": ("the luminance meter spotread", "apt install argyll"),

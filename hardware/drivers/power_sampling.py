@@ -162,7 +162,17 @@ def require_sample_rate(rate: float, lowest: float, highest: float, device: str)
 
 
 def split_address(address: str, driver: str, options: Mapping[str, str]) -> tuple[str, dict[str, float]]:
-    """Return an address and the numbers that were said with it.
+    """Return an address and the numbers above 0 that were said with it; as `split_words`.
+
+    >>> split_address("/dev/ttyACM0?voltage=5.0", "ppk2", {"voltage": "the supply's [V]"})
+    ('/dev/ttyACM0', {'voltage': 5.0})
+    """
+    place, said = split_words(address, driver, options)
+    return place, {name: positive(text, f"{driver}:{address}: {name}") for name, text in said.items()}
+
+
+def split_words(address: str, driver: str, options: Mapping[str, str]) -> tuple[str, dict[str, str]]:
+    """Return an address and the words that were said with it.
 
     Parameters
     ----------
@@ -176,26 +186,23 @@ def split_address(address: str, driver: str, options: Mapping[str, str]) -> tupl
     Raises
     ------
     InputError
-        If something else is said, it is no number above 0, or there is no address.
-
-    >>> split_address("/dev/ttyACM0?voltage=5.0", "ppk2", {"voltage": "the supply's [V]"})
-    ('/dev/ttyACM0', {'voltage': 5.0})
+        If something else is said, or there is no address.
     """
     place, _, said = address.partition("?")
     given = f"{driver}:{address}"
     if not place:
         raise InputError(f"{given}: names no instrument; `evenlight measure list` shows what there is")
-    numbers: dict[str, float] = {}
+    words: dict[str, str] = {}
     for part in filter(None, said.split("&")):
         name, _, text = part.partition("=")
         if name not in options:
-            known = ", ".join(f"{key} ({words})" for key, words in options.items()) or "none"
+            known = ", ".join(f"{key} ({meaning})" for key, meaning in options.items()) or "none"
             raise InputError(f"{given}: there is no option {name!r}; there is {known}")
-        numbers[name] = _positive(text, f"{given}: {name}")
-    return place, numbers
+        words[name] = text
+    return place, words
 
 
-def _positive(text: str, what: str) -> float:
+def positive(text: str, what: str) -> float:
     """Return a number above 0 that was written as text."""
     try:
         number = float(text)

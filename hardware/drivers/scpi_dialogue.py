@@ -1,26 +1,34 @@
-"""Questions to a SCPI instrument, each paired with its answer (docs/decisions/scpi-in-step.md).
+"""Questions to a SCPI instrument through PyVISA, paired with their answers (docs/decisions/scpi-in-step.md).
 
-A line that nobody asked for would shift all answers by one. So every question goes out together with a number
-of its own, which the instrument repeats in the same line; one that takes no two questions in a line is asked
-for its name after every answer, and the answer counts once the name has come.
+A line that nobody asked for would shift all answers by one. So the instrument is asked for its name after
+every answer, and the answer counts once the name has come, and comes next. After an error the line has to be
+silent for as long as an answer may take.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
+import contextlib
+import functools
+import re
 import time
+from collections.abc import Generator
+from typing import Any, TypeVar
 
-from evenlight.hardware.drivers.scpi_answers import SHOWN, is_identity
-from evenlight.hardware.drivers.scpi_lines import ScpiLine
+from evenlight.data_schema.errors import InputError
+from evenlight.hardware.drivers.serial_link import port_error
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 
-MOMENT = 0.0005  # [s] between two looks at the line
-# [s] for its name, and for the numbers that not every instrument repeats: a wrong port is told soon
-OPENING, REPEATING = 1.5, 0.8
+LOOK = (
+    0.005  # [s] that a look at a socket waits for a line; other resources than streams wait for their answer
+)
+QUIET, NOISY = 0.03, 2.0  # [s] without a byte: what is late has come; and when it never is, it is no SCPI
+OPENING = 1.5  # [s] for its name, where a driver is opened: a wrong port is told soon
 NAME = "*IDN?"
-# What the register *ESE is set to and asked for: bits that every instrument keeps (IEEE 488.2, 11.5.1).
-NUMBERS = tuple(number for number in range(4, 64) if not number & 2)
+# IEEE 488.2: maker, model, serial number, firmware. Sentences of a GPS receiver ($) or of AIS (!) are others.
+IDENTITY = re.compile(r"[^,$!][^,]*,[^,]*,[^,]*,.*")
+IN_USE = ("VI_ERROR_RSRC_BUSY", "VI_ERROR_RSRC_LOCKED")
+SHOWN = 60  # characters of an answer that a message quotes
+Value = TypeVar("Value")
 
 
 class ScpiDialogue:
@@ -28,173 +36,242 @@ class ScpiDialogue:
 
     Parameters
     ----------
-    line : ScpiLine
-        To the instrument.
+    name, resource : str
+        The instrument, as messages and as PyVISA name it.
     timeout : float
         How long an answer may take [s].
+    backend : str, optional
+        Of PyVISA, "@py" for PyVISA-py; else PyVISA's own choice, and PyVISA-py where there is no other.
 
     Raises
     ------
+    InputError
+        If PyVISA is not installed.
     InstrumentError
-        If nothing answers, or what does is no SCPI instrument.
+        If the resource cannot be opened, nothing answers, or what does is no SCPI instrument.
     """
 
-    def __init__(self, line: ScpiLine, timeout: float) -> None:
-        self._line, self._timeout, self._name = line, timeout, line.name
-        self._numbers = itertools.cycle(NUMBERS)
-        self._question, self._sent, self._number, self._asked = "", "", "", 0.0
-        self._answer: str | None = None  # that has come, and waits for the name after it
-        self._in_step = True  # whether nothing but the answer to the next question can come
+    def __init__(self, name: str, resource: str, timeout: float, backend: str = "") -> None:
+        self.name, self._timeout = name, timeout
+        self._is_serial = resource.upper().startswith("ASRL")
+        self._is_stream = self._is_serial or resource.upper().endswith("::SOCKET")
+        self._sent, self._rest = list[str](), b""
+        self._silence = (
+            0.0  # that the line has to keep before the next question, as an answer may be late [s]
+        )
         self.came = 0.0  # when the last answer did, on the computer's own clock [s]
-        self.identity = self._identify(min(timeout, OPENING))
-        self._is_joined = self._repeats_numbers(min(timeout, REPEATING))
+        self._resource: Any = None
+        try:
+            self._resource = _opened(resource, backend, round(timeout * 1000))
+        except Exception as error:  # PyVISA's own, and those of its backends
+            raise self._failed(error, Fault.NOT_FOUND) from None
+        try:
+            self.identity = self._identify(min(timeout, OPENING))
+        except BaseException:
+            self.close()
+            raise
 
-    @property
-    def is_asked(self) -> bool:
-        """Whether an answer is waited for."""
-        return bool(self._question)
+    def asked(self, question: str, probe: float | None = None) -> Generator[None, None, str]:
+        """Ask, and return the answer; yield at every look at the line at which it is not there.
 
-    def begin(self, question: str) -> None:
-        """Send a question; `answer_before` has its answer."""
-        if self._question or not self._line.is_quiet():  # an answer that nobody took, or asked for
-            self.lose_step()
-        self.get_in_step()
-        self._question, self._number, self._answer = question, str(next(self._numbers)), None
-        self._asked = time.monotonic()
-        self.send(f"{question};*ESE {self._number};*ESE?" if self._is_joined else question)
-
-    def answer_before(self, end: float) -> str | None:
-        """Return the answer to the last question, None if it is not there by a time [s].
+        Parameters
+        ----------
+        question : str
+            What is asked.
+        probe : float, optional
+            In place of the time-out [s], where it may be a question that the instrument does not know.
 
         Raises
         ------
         InstrumentError
-            NO_REPLY if it took longer than an answer may; GARBLED if something else came; DISCONNECTED.
+            NO_REPLY if it takes longer than an answer may; GARBLED if something else came; DISCONNECTED.
         """
-        try:
-            while not self._completes(line := self._line.answer_waiting(self._left())):
-                if self._left() <= 0:
-                    raise InstrumentError(
-                        f"{self._name}: no reply to {self._question} within {self._timeout:g} s; is it "
-                        "switched on, and remote?",
-                        Fault.NO_REPLY,
-                    )
-                if line is None and time.monotonic() >= end:
-                    return None
-                time.sleep(0 if line else MOMENT)
-        except InstrumentError:
-            self.lose_step()
-            raise
-        self._question = ""
-        return self._answer
+        timeout = self._timeout if probe is None else min(probe, self._timeout)
+        if self._silence:
+            yield from self._forget(self._silence)
+        self._silence = timeout if probe is None else QUIET
+        self.send(question)
+        answer = yield from self._line(timeout)
+        self.came = time.monotonic()
+        self.send(NAME)
+        if (name := (yield from self._line(timeout))) != self.identity:
+            raise InstrumentError(
+                f"{self.name}: {answer[:SHOWN]!r} and {name[:SHOWN]!r} came to {question} and {NAME}; does "
+                "another program ask it, too, or is the line disturbed?",
+                Fault.GARBLED,
+            )
+        self._silence = 0.0
+        return answer
 
-    def ask(self, question: str) -> str:
-        """Return the answer to a question, waiting for it; raises as `answer_before`."""
-        self.begin(question)
-        return self.answer_before(math.inf) or ""
-
-    def answer_if_known(self, question: str, timeout: float) -> str:
+    def answer_if_known(self, question: str, probe: float) -> str:
         """Return the answer to a question that the instrument may not know, nothing if none comes."""
-        whole, self._timeout = self._timeout, min(timeout, self._timeout)
         try:
-            return self.ask(question)
+            return finished(self.asked(question, probe))
         except InstrumentError as error:
             if error.fault not in TRANSIENT:
                 raise
             return ""
-        finally:
-            self._timeout = whole
 
     def send(self, message: str) -> None:
-        """Send a question or command; some serial converters send it back as a line of its own."""
-        self._sent = message
-        self._line.write(message)
+        """Send questions or commands; some serial converters send them back as lines of their own."""
+        self._sent = message.split("\n")
+        if self._resource is None:
+            raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
+        try:
+            self._resource.write_raw(f"{message}\n".encode("ascii"))
+        except Exception as error:
+            raise self._failed(error, Fault.DISCONNECTED) from None
 
-    def lose_step(self) -> None:
-        """Take no line for an answer until one has come that only a question asked from now on has."""
-        self._in_step, self._question = False, ""
+    def close(self) -> None:
+        """Let go of the instrument; more than once does nothing."""
+        resource, self._resource = self._resource, None
+        if resource is not None:
+            with contextlib.suppress(Exception):  # of a connection that is gone
+                resource.close()
 
-    def get_in_step(self) -> None:
-        """Make sure that the next line is the answer to the next question.
-
-        What is late is waited for until the line is quiet; what comes before the mark is thrown away.
-        """
-        if self._in_step:
-            return
-        self._line.forget()
-        mark, question = self.identity, NAME
-        if self._is_joined:
-            mark = str(next(self._numbers))
-            question = f"*ESE {mark};*ESE?"
-        self.send(question)
-        end = time.monotonic() + self._timeout
-        while (line := self._line.answer(max(end - time.monotonic(), 0.0))).lstrip("+") != mark:
-            if time.monotonic() > end:
+    def _line(self, timeout: float) -> Generator[None, None, str]:
+        """Return the next line that is not the question sent back; yield while it is not there."""
+        end = time.monotonic() + timeout
+        while (line := self._look(LOOK if self._is_stream else timeout)) is None or line in self._sent:
+            if line is None and time.monotonic() >= end:
+                broken, self._rest = self._rest[:SHOWN], b""
+                words = f"only {broken!r} and no end" if broken else "no reply"
                 raise InstrumentError(
-                    f"{self._name}: sends {line[:SHOWN]!r} and more that was not asked for", Fault.GARBLED
+                    f"{self.name}: {words} to {self._sent[-1]} within {timeout:g} s; is it on, does it speak "
+                    "SCPI, and does another program talk to it?",
+                    Fault.GARBLED if broken else Fault.NO_REPLY,
                 )
-        self._in_step = True
+            yield
+        return line
 
-    def _left(self) -> float:
-        """Return how long the line that is waited for may take yet [s]."""
-        return self._asked + self._timeout - time.monotonic()
+    def _look(self, seconds: float) -> str | None:
+        """Return the next line if it is there, or comes within some time [s]."""
+        if b"\n" not in self._rest:
+            self._rest += self._taken(seconds)
+        line, end, rest = self._rest.partition(b"\n")
+        if not end:
+            return None
+        self._rest = rest
+        if not line.isascii():
+            raise InstrumentError(f"{self.name}: sent what is no text, {line[:SHOWN]!r}", Fault.GARBLED)
+        return line.decode("ascii").strip()
 
-    def _completes(self, line: str | None) -> bool:
-        """Return whether a line completes the answer: no line does not, nor the question sent back."""
-        if line is None or line == self._sent:
-            return False
-        mark, wanted = line, self.identity
-        if self._is_joined or self._answer is None:
-            self.came = self._asked = time.monotonic()
-            self._answer = line
-            if not self._is_joined:
-                self.send(NAME)
-                return False
-            (self._answer, _, mark), wanted = line.rpartition(";"), self._number
-        if mark.strip().lstrip("+") != wanted:
-            raise InstrumentError(
-                f"{self._name}: {line[:SHOWN]!r} came, which is no answer to {self._question}; does another "
-                "program ask it, too, or is the line disturbed?",
-                Fault.GARBLED,
-            )
-        return True
+    def _taken(self, seconds: float) -> bytes:
+        """Return what comes within some time [s]: of a stream what is there, else a whole answer."""
+        if self._resource is None:
+            raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
+        try:
+            if self._is_serial:
+                if not self._resource.bytes_in_buffer:
+                    time.sleep(seconds)
+                waiting = self._resource.bytes_in_buffer
+                return bytes(self._resource.read_bytes(waiting)) if waiting else b""
+            self._resource.timeout = max(round(seconds * 1000), 1)
+            came = bytes(self._resource.read_raw())
+            return came if self._is_stream or came.endswith(b"\n") else came + b"\n"
+        except Exception as error:
+            if getattr(error, "abbreviation", "") != "VI_ERROR_TMO":
+                raise self._failed(error, Fault.DISCONNECTED) from None
+            return b""
 
-    def _first_answer(self, question: str, timeout: float) -> str:
-        """Return the next line after a question, its echo left out."""
-        self.send(question)
-        line = self._line.answer(timeout)
-        return self._line.answer(timeout) if line == self._sent else line
+    def _forget(self, silence: float) -> Generator[None, None, None]:
+        """Throw away what comes, until nothing does for some time [s]; WRONG_INSTRUMENT if it never ends."""
+        if not self._is_stream:
+            with contextlib.suppress(Exception):  # of an interface without a clear
+                self._resource.clear()
+            return
+        begun = last = time.monotonic()
+        self._rest = b""
+        while time.monotonic() < last + silence:
+            if came := self._taken(min(silence, LOOK)):
+                last = time.monotonic()
+            if last > begun + silence + NOISY:
+                raise InstrumentError(
+                    f"{self.name}: sends {came[:SHOWN]!r} and more, unasked; which instrument is there?",
+                    Fault.WRONG_INSTRUMENT,
+                )
+            yield
 
     def _identify(self, timeout: float) -> str:
         """Return what the instrument calls itself, each time that it is asked; refuse what speaks no SCPI."""
+        names: list[str] = []
         try:
-            self._line.forget()
-            names = [self._first_answer(NAME, timeout) for _ in range(2)]
+            finished(self._forget(QUIET))
+            for _ in range(2):
+                self.send(NAME)
+                names.append(finished(self._line(timeout)))
         except InstrumentError as error:
             if error.fault is Fault.DISCONNECTED:
                 raise InstrumentError(
-                    f"{self._name}: closed the connection at once; is another program connected to it?",
+                    f"{self.name}: closed the connection at once; is another program connected to it?",
                     Fault.BUSY,
                 ) from None
             raise
-        if len(set(names)) > 1 or not is_identity(names[0]):
+        if len(set(names)) > 1 or not IDENTITY.fullmatch(names[0]):
             answers = " and then ".join(repr(name[:SHOWN]) for name in dict.fromkeys(names))
             raise InstrumentError(
-                f"{self._name}: answers {answers} to {NAME}, and that is no SCPI instrument's; "
-                "which instrument is there?",
+                f"{self.name}: answers {answers} to {NAME}, and that is no SCPI instrument's; which "
+                "instrument is there?",
                 Fault.WRONG_INSTRUMENT,
             )
         return names[0]
 
-    def _repeats_numbers(self, timeout: float) -> bool:
-        """Return whether the instrument takes several questions in one line, and repeats numbers."""
-        first, second = next(self._numbers), next(self._numbers)
+    def _failed(self, error: Exception, otherwise: Fault) -> InstrumentError | InputError:
+        """Return what an error of PyVISA's says; a connection that is gone is closed."""
+        if isinstance(error, InputError | InstrumentError):
+            return error
+        self.close()
+        code = str(getattr(error, "abbreviation", ""))
+        if code in IN_USE:
+            return InstrumentError(
+                f"{self.name}: is in use by another program; end that first", Fault.BUSY, code
+            )
+        if self._is_serial and otherwise is Fault.NOT_FOUND:
+            return port_error(self.name, error)
+        if isinstance(error, ConnectionRefusedError):  # PyVISA-py learns of it after it has opened a socket
+            otherwise = Fault.NOT_FOUND
+        words = str(error).partition("\n")[0]
+        hint = "; is it at this address, and its SCPI socket enabled?" if otherwise is Fault.NOT_FOUND else ""
+        return InstrumentError(f"{self.name}: cannot be reached ({words}){hint}", otherwise, code)
+
+
+def finished(dialogue: Generator[None, None, Value]) -> Value:
+    """Return what a dialogue returns, waiting for it."""
+    while True:
         try:
-            line = self._first_answer(f"*ESE {first};*ESE?;*ESE {second};*ESE?", timeout)
-        except InstrumentError as error:
-            if error.fault not in TRANSIENT:
-                raise
-            line = ""
-        repeats = [number.strip().lstrip("+") for number in line.split(";")] == [str(first), str(second)]
-        self._is_joined, self._in_step = repeats, repeats
-        return repeats
+            next(dialogue)
+        except StopIteration as ended:
+            value: Value = ended.value
+            return value
+
+
+def _opened(resource: str, backend: str, timeout: int) -> Any:
+    """Return an open resource, whose time-outs are in ms; a serial port is this program's alone."""
+    try:
+        from pyvisa import constants
+    except ImportError:
+        raise InputError(
+            "scpi, visa: need the extra: pip install '.[instruments]' in the checkout (pyvisa, pyvisa-py)"
+        ) from None
+    manager = _manager(backend)
+    opened = manager.open_resource(
+        resource, read_termination="\n", write_termination="\n", timeout=timeout, open_timeout=timeout
+    )
+    if resource.upper().endswith("::SOCKET"):  # hand over a part of a line as well
+        opened.set_visa_attribute(constants.ResourceAttribute.suppress_end_enabled, False)
+    session = getattr(manager.visalib, "sessions", {}).get(opened.session)  # PyVISA-py's
+    port: Any = getattr(session, "interface", None)
+    if hasattr(port, "exclusive"):
+        port.exclusive = True
+    return opened
+
+
+@functools.cache
+def _manager(backend: str) -> Any:
+    """Return PyVISA's manager of resources: one for the process, for closing it closes all of them."""
+    import pyvisa
+
+    try:
+        return pyvisa.ResourceManager(backend)
+    except (OSError, ValueError):  # no VISA library of a vendor
+        return pyvisa.ResourceManager("@py")

@@ -27,7 +27,7 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.hardware.drivers import scpi_lines
+from evenlight.hardware.drivers import scpi_dialogue
 from evenlight.hardware.drivers.ddc_backlight import DdcBacklight
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.drivers.polled_power import HwmonPowerMeter
@@ -169,37 +169,25 @@ class Wire(threading.Thread):
 
 
 class BenchSupply:
-    """A supply or analyser of IEEE 488.2 and SCPI-99: a line of questions, one line of answers.
+    """A supply or analyser of IEEE 488.2 and SCPI-99, one question a line; `written` formats a power."""
 
-    `written` formats a power; `joins` says whether it takes several questions in a line.
-    """
-
-    def __init__(self, written: str, power: float, *, joins: bool) -> None:
-        self._written, self._power, self._joins = written, power, joins
-        self._came, self._mask, self._count = b"", 0, 0
+    def __init__(self, written: str, power: float) -> None:
+        self._written, self._power = written, power
+        self._came, self._count = b"", 0
         self.measured = ""  # last
 
     def take(self, data: bytes) -> list[bytes]:
         *lines, self._came = (self._came + data).split(b"\n")
-        answers = [self._line(line.decode("ascii").strip()) for line in lines]
+        answers = [self._unit(line.decode("ascii").strip()) for line in lines]
         return [answer.encode("ascii") + b"\n" for answer in answers if answer]
 
     def unasked(self) -> list[bytes]:
         return []
 
-    def _line(self, line: str) -> str:
-        units = line.split(";") if self._joins else [line]
-        return ";".join(answer for answer in map(self._unit, units) if answer)
-
     def _unit(self, unit: str) -> str:
-        word, _, number = unit.partition(" ")
-        match word.upper():
+        match unit.upper():
             case "*IDN?":
                 return "MAKER,MODEL 12,SN00042,1.07"
-            case "*ESE" if self._joins:
-                self._mask = int(number)
-            case "*ESE?" if self._joins:
-                return str(self._mask)
             case "MEAS:POW?" | "MEASURE:POWER?":
                 self._count += 1  # no two neighbouring powers are alike
                 self.measured = self._written.format(self._power * (1 + 0.0011 * (self._count % 97)))
@@ -382,11 +370,9 @@ def wired(stand_in: Any, spoiler: Spoiler, *, terminal: bool = False) -> Iterato
         wire.end()
 
 
-def scpi(
-    n: int, rng: np.random.Generator, form: str, power: float, *, joins: bool, visa: bool = False
-) -> Tally:
+def scpi(n: int, rng: np.random.Generator, form: str, power: float, *, visa: bool = False) -> Tally:
     """Samples of a SCPI instrument over a socket, or over a socket of VISA."""
-    supply, tally = BenchSupply(form, power, joins=joins), Tally()
+    supply, tally = BenchSupply(form, power), Tally()
     spoiler = Spoiler(
         rng, ON_A_LINE, (b"49.5\n", b"0.7003\n", b"+6.10000E-01\n", b"1\n", b'0,"No error"\n', b"\n")
     )
@@ -395,8 +381,8 @@ def scpi(
         with (VisaPowerMeter if visa else ScpiPowerMeter)(place, timeout=PATIENT) as meter:
             meter.start(1000.0)
             meter._sampling.begin(1e6, time.monotonic())  # always due
-            # A line too much and one too few in the same exchange pass where answers carry no number.
-            spoiler.share, spoiler.apart = SHARE, 0 if joins else 3
+            # A line too much and one too few in the same exchange pass: answers carry no number.
+            spoiler.share, spoiler.apart = SHARE, 3
             meter._dialogue._timeout = TIMEOUT
 
             def read() -> Any:
@@ -532,10 +518,9 @@ def ddc(n: int, rng: np.random.Generator) -> Tally:
 
 
 DEVICES: dict[str, Callable[[int, np.random.Generator], Tally]] = {
-    "scpi, NR3": lambda n, rng: scpi(n, rng, "{:+.5E}", 0.66, joins=True),
-    "scpi, 12.345W": lambda n, rng: scpi(n, rng, "{:.3f}W", 12.3, joins=True),
-    "scpi, one question a line": lambda n, rng: scpi(n, rng, "{:.4f}", 0.66, joins=False),
-    "visa": lambda n, rng: scpi(n, rng, "{:.4f}", 0.66, joins=True, visa=True),
+    "scpi, NR3": lambda n, rng: scpi(n, rng, "{:+.5E}", 0.66),
+    "scpi, 12.345W": lambda n, rng: scpi(n, rng, "{:.3f}W", 12.3),
+    "visa": lambda n, rng: scpi(n, rng, "{:.4f}", 0.66, visa=True),
     "board": board_power,
     "board's backlight": board_backlight,
     "ppk2": profiler,
@@ -548,11 +533,11 @@ DEVICES: dict[str, Callable[[int, np.random.Generator], Tally]] = {
 @contextlib.contextmanager
 def short_silences() -> Iterator[None]:
     """Let SCPI lines count as quiet sooner, so that thousands of faults take minutes."""
-    quiet, scpi_lines.QUIET = scpi_lines.QUIET, 0.004
+    quiet, scpi_dialogue.QUIET = scpi_dialogue.QUIET, 0.004
     try:
         yield
     finally:
-        scpi_lines.QUIET = quiet
+        scpi_dialogue.QUIET = quiet
 
 
 def main(n: int, seed: int, names: list[str]) -> None:

@@ -32,7 +32,6 @@ class SerialLine:
 
 MINOLTA = SerialLine(4800, 7, "E", 2, b"\r\n", b"\r\n")
 BOARD = SerialLine(115200, 8, "N", 1, b"\n", b"\n")
-SCPI = SerialLine(9600, 8, "N", 1, b"\n", b"\n")
 # None of them has flow control.
 LINES = {
     "ls100": MINOLTA,  # psychopy-minolta, hrl; the manual was not available
@@ -45,10 +44,9 @@ LINES = {
     "colorcal": SerialLine(115200, 8, "N", 1, b"\n", b"\n\r"),  # psychopy-crs; USB takes any rate
     "board": BOARD,  # docs/power-board.md, "The lines"
     "ppk2": SerialLine(9600, 8, "N", 1, None, None),  # ppk2-api 0.9.2; USB takes any rate
-    "scpi": SCPI,  # assumed; the line feed is SCPI-99's
 }
 DRIVERS = [each for each in OURS if OURS[each].link is not LinkKind.OWN]
-NOT_SERIAL = {"visa", "ddc", "exec"}  # PyVISA's resource, an I2C bus, a program
+NOT_SERIAL = {"scpi", "visa", "ddc", "exec"}  # PyVISA's resources, an I2C bus, a program
 
 
 def simulation() -> Simulation:

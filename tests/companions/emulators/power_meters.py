@@ -152,8 +152,6 @@ class ScpiEmulator:
         The questions of measurement that it knows.
     identity : str, optional
         What it answers to *IDN?.
-    joins : bool, optional
-        Whether it takes several questions in one line, as IEEE 488.2 has it.
 
     Attributes
     ----------
@@ -167,38 +165,26 @@ class ScpiEmulator:
         physics: PowerMeterPhysics | None = None,
         known: tuple[str, ...] = SCPI_QUESTIONS,
         identity: str = SCPI_IDENTITY,
-        *,
-        joins: bool = True,
     ) -> None:
         self._simulation, self._physics = simulation, physics or PowerMeterPhysics()
-        self._known, self._identity, self._joins = known, identity, joins
-        self._came, self._enabled = b"", "0"
+        self._known, self._identity, self._came = known, identity, b""
         self.errors: list[str] = []
 
     def receive(self, data: bytes) -> bytes:
         """Take some bytes that were sent, any part of a command, and return what is answered at once."""
         *lines, self._came = (self._came + data).split(b"\n")
-        answers = (self._answers(line.decode("ascii", errors="replace").strip().upper()) for line in lines)
+        answers = (self._answer(line.decode("ascii", errors="replace").strip().upper()) for line in lines)
         return b"".join(f"{answer}\n".encode("ascii") for answer in answers if answer)
 
     def stream(self) -> bytes:
         """Return nothing: it speaks only when asked."""
         return b""
 
-    def _answers(self, line: str) -> str:
-        """Return the answers to the questions of one line."""
-        units = line.split(";") if self._joins else [line]
-        return ";".join(filter(None, map(self._answer, units)))
-
     def _answer(self, line: str) -> str:
         """Return the answer to one question; nothing to a command."""
         if line in self._known:
             return self._measured(line)
         match line:
-            case _ if self._joins and line.startswith("*ESE "):
-                self._enabled = line.removeprefix("*ESE ")
-            case "*ESE?" if self._joins:
-                return self._enabled
             case "*IDN?":
                 return self._identity
             case "*CLS":
