@@ -84,6 +84,7 @@ def fit(
     from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.analysis.sweeps.sweep_loading import newest_sweeps
     from evenlight.analysis.sweeps.sweep_report import write_chosen_sweeps
+    from evenlight.analysis.sweeps.sweep_result import SweepResult
     from evenlight.data_schema.errors import InputError
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.data_schema.recordings.dataset_layout import POWER_LOG, require_apart
@@ -123,6 +124,10 @@ def fit(
             results = write_fit(calibration, folder, provenance_now(inputs={"dataset": data.sha256}))
         told, doubts = write_chosen_sweeps(sweeps, folder, needed=data is None)
         written = files_in(folder)
+    of_sweeps = {Path(name).parts[0] for name in written}
+    remove_stale(
+        out, tuple(f"{task}/{name}" for task in of_sweeps for name in SweepResult.FORMER_FILES), written
+    )
     if results:  # of an earlier version: they do not belong to this limit
         remove_stale(out, EARLIER, written)
     warnings = (*(results.warnings if results else ()), *doubts)

@@ -44,7 +44,7 @@ from evenlight.data_schema.recordings.sweep import (
     PowerSweepDesign,
     SweepManifest,
 )
-from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, PowerFit, PowerLevel
+from evenlight.data_schema.recordings.sweep_fit import DisplayFit, LuminanceLevel, PowerFit
 from evenlight.data_schema.result_request import ResultRequest
 from evenlight.data_schema.threshold import Threshold
 from evenlight.data_schema.tracks.brightness_track import (
@@ -177,7 +177,6 @@ KINDS = (
     RecordKind(LuminanceReading, _LINES, "readings.jsonl", "`evenlight run luminance-sweep`"),
     RecordKind(PowerReading, _LINES, "readings.jsonl", "`evenlight run power-sweep`"),
     RecordKind(LuminanceLevel, _CSV, "luminance_levels.csv brightness.csv", "`evenlight fit`"),
-    RecordKind(PowerLevel, _CSV, "power_levels.csv", "`evenlight fit`"),
     RecordKind(DisplayFit, _JSON, "display_fit.json", "`evenlight fit`"),
     RecordKind(PowerFit, _JSON, "power_fit.json", "`evenlight fit`"),
     RecordKind(PowerLog, _JSON, "power_log.json", "`evenlight play --measure-power`"),

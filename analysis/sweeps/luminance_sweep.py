@@ -52,20 +52,19 @@ def fit_luminance_sweep(sweep: Sweep[LuminanceReading]) -> SweepResult:
     reflected, known = sweep.manifest.design.reflected_luminance, sweep.manifest.display
     curve = fit_gamma(pixel_levels(sweep.readings, reflected), reflected, middle_of(sweep.readings))
     pixel_values, brightness = _pixel_value_rows(sweep, curve), _brightness_rows(sweep, curve)
-    record = _record(sweep, curve, brightness)
+    record = _record(sweep, curve, pixel_values, brightness)
     display = _display(sweep, record)
-    rows = {"luminance_levels.csv": pixel_values, "brightness.csv": brightness}
     return SweepResult(
         sweep=sweep,
         model=display,
         record=record,
-        levels={name: own for name, own in rows.items() if own},
+        brightness=brightness,
         draw=(
             lambda axes: _draw_curve(axes, sweep, curve, pixel_values),
             lambda axes: _draw_deviations(axes, curve),
         ),
         coefficients=_coefficients(record),
-        tables=(_brightness_table(brightness),) if brightness else (),
+        tables=tuple(_level_table(rows) for rows in (brightness, pixel_values) if rows),
         remarks=() if known is None else (compared_with_file(known, display),),
     )
 
@@ -145,7 +144,7 @@ def middle_of(readings: Sequence[LuminanceReading]) -> float:
 
 
 def _pixel_value_rows(sweep: Sweep[LuminanceReading], curve: GammaFit) -> tuple[LuminanceLevel, ...]:
-    """Return a row of `luminance_levels.csv` for each pixel value, as it was read beside the fitted curve."""
+    """Return a level for each pixel value, as it was read beside the fitted curve."""
     swept = (r for r in sweep.of_phase(SweepPhase.SWEEP) if r.factor is None)
     return tuple(
         _row(own, float(curve.luminance(own[0].pixel_value)), curve.reflected_luminance, curve.peak_luminance)
@@ -187,7 +186,10 @@ def _row(readings: Sequence[LuminanceReading], model: float, reflected: float, f
 
 
 def _record(
-    sweep: Sweep[LuminanceReading], curve: GammaFit, brightness: Sequence[LuminanceLevel]
+    sweep: Sweep[LuminanceReading],
+    curve: GammaFit,
+    pixel_values: tuple[LuminanceLevel, ...],
+    brightness: Sequence[LuminanceLevel],
 ) -> DisplayFit:
     told = [row for row in brightness if row.deviation is not None]
     uneven = max(told, key=_unevenness, default=None)  # by most of what is tolerated
@@ -215,6 +217,7 @@ def _record(
         largest_deviation=float(curve.deviations[curve.worst_level]),
         largest_deviation_pixel_value=float(curve.pixel_values[curve.worst_level]),
         is_gamma=curve.is_gamma,
+        levels=pixel_values,
         brightness_deviation=uneven.deviation if uneven else None,
         brightness_deviation_factor=uneven.factor if uneven else None,
     )
@@ -243,15 +246,21 @@ def _coefficients(fit: DisplayFit) -> tuple[Coefficient, ...]:
     )
 
 
-def _brightness_table(rows: Sequence[LuminanceLevel]) -> Table:
+def _level_table(rows: Sequence[LuminanceLevel]) -> Table:
+    """Return the table of brightness factors, or of pixel values at full brightness."""
+    of_factors = rows[0].factor is not None
     cells: list[tuple[Cell, ...]] = []
     for row in rows:
         deviation = None if row.deviation is None else f"{100 * row.deviation:.2f}"
         measured = (row.luminance, row.luminance_sd, row.n_readings, row.n_under_range)
-        cells.append((row.factor, row.achieved_factor, *measured, row.model_luminance, deviation))
+        level = [row.factor, row.achieved_factor] if of_factors else [row.pixel_value]
+        cells.append((*level, *measured, row.model_luminance, deviation))
     read = ("L [cd/m²]", "SD [cd/m²]", "n", "too dark")
-    columns = ("b", "achieved b", *read, "L in proportion to b [cd/m²]", "deviation [%]")
-    return Table("Brightness factors, white.", columns, tuple(cells))
+    if of_factors:
+        factors = ("b", "achieved b", *read, "L in proportion to b [cd/m²]", "deviation [%]")
+        return Table("Brightness factors, white.", factors, tuple(cells))
+    pixel_values = ("L′", *read, "L of the curve [cd/m²]", "deviation [%]")
+    return Table("Pixel values, at full brightness.", pixel_values, tuple(cells))
 
 
 def _draw_curve(

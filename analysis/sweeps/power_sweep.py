@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from evenlight.analysis.figure_style import INK, LIMIT, OURS
+from evenlight.analysis.report import Cell, Table
 from evenlight.analysis.report_prose import prose
 from evenlight.analysis.sweeps.luminance_sweep import luminance_less
 from evenlight.analysis.sweeps.power_fit import LineFit, PowerPoints, fit_line, points_of, slope_through
@@ -60,12 +61,12 @@ def fit_power_sweep(sweep: Sweep[PowerReading]) -> SweepResult:
     metered = source is LuminanceSource.METER
     changes = _changes(sweep, points, luminance_of, metered=metered)
     levels = tuple(_level_row(own, luminance_of, line, metered=metered) for own in by_level(used))
-    record = _record(sweep, used, points, line, source, changes)
+    record = replace(_record(sweep, used, points, line, source, changes), levels=levels)
     return SweepResult(
         sweep=sweep,
         model=_power_model(sweep, record),
         record=record,
-        levels={"power_levels.csv": levels},
+        tables=(_level_table(levels),),
         draw=(
             lambda axes: _draw_line(axes, sweep, points, line),
             lambda axes: _draw_residuals(axes, points, line),
@@ -170,6 +171,20 @@ def _level_row(
         model_power=model,
         residual=float(power.mean()) - model,
     )
+
+
+def _level_table(rows: Sequence[PowerLevel]) -> Table:
+    cells: list[tuple[Cell, ...]] = [
+        (
+            *(row.factor, row.achieved_factor, row.luminance, row.luminance_sd, f"{row.power:.5g}"),
+            *(None if row.power_sd is None else f"{1e3 * row.power_sd:.3g}", row.n_readings),
+            *(f"{row.model_power:.5g}", f"{1e3 * row.residual:.3g}"),
+        )
+        for row in rows
+    ]
+    read = ("L [cd/m²]", "SD [cd/m²]", "P [W]", "SD [mW]", "n")
+    columns = ("b", "achieved b", *read, "P of the line [W]", "residual [mW]")
+    return Table("Brightness factors, white.", columns, tuple(cells))
 
 
 def _record(

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -32,7 +32,6 @@ from evenlight.data_schema.recordings.sweep_fit import (
     DisplayFit,
     LuminanceLevel,
     PowerFit,
-    PowerLevel,
     SweepFlag,
 )
 from evenlight.data_schema.storage.tables import write_rows
@@ -43,15 +42,13 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SIMULATED = "SIMULATED"
-REPORT = "report.html"
+BRIGHTNESS, REPORT = "brightness.csv", "report.html"
 FILES = {
     "display.toml": "the display model, for `evenlight optimize --display`",
     "power.toml": "the power model, for `evenlight optimize --power-model`",
-    "luminance_levels.csv": "pixel values as they were read, beside the curve",
-    "brightness.csv": "brightness factors as they were read, for `backlight_curve` of a rig",
-    "power_levels.csv": "brightness factors as they were read, beside the line",
-    "display_fit.json": "coefficients, confidence intervals, tests and flags, for programs",
-    "power_fit.json": "coefficients, confidence intervals, tests and flags, for programs",
+    BRIGHTNESS: "brightness factors as they were read, for `backlight_curve` of a rig",
+    "display_fit.json": "coefficients, confidence intervals, tests, flags and levels, for programs",
+    "power_fit.json": "coefficients, confidence intervals, tests, flags and levels, for programs",
     "luminance.png": "the figure of this page",
     "power.png": "the figure of this page",
 }
@@ -77,8 +74,9 @@ class SweepResult(Result):
         The readings that count.
     model, record : Display or PowerModel, DisplayFit or PowerFit
         What the optimizer takes, and how far it can be trusted.
-    levels : mapping of str to tuple of LuminanceLevel or PowerLevel
-        The levels as they were read beside the model, by the names of their files.
+    brightness : tuple of LuminanceLevel
+        Of a luminance sweep: brightness factors as they were read, `brightness.csv`; the levels beside the
+        model are the record's.
     draw : (callable, callable)
         Draw what was read, and what the fit misses.
     coefficients : tuple of (str, Cell, Cell, str)
@@ -87,14 +85,15 @@ class SweepResult(Result):
         What else is to be said, and shown.
     """
 
+    FORMER_FILES: ClassVar = ("luminance_levels.csv", "power_levels.csv")
     sweep: Sweep[Any]
     model: Display | PowerModel
     record: DisplayFit | PowerFit
-    levels: Mapping[str, tuple[LuminanceLevel, ...] | tuple[PowerLevel, ...]]
     draw: tuple[Callable[[Axes], None], Callable[[Axes], None]]
     coefficients: tuple[Coefficient, ...]
     remarks: tuple[str, ...]
     tables: tuple[Table, ...] = ()
+    brightness: tuple[LuminanceLevel, ...] = ()
 
     @property
     def name(self) -> str:
@@ -153,7 +152,8 @@ class SweepResult(Result):
         """Return the levels as they were read beside the model: the rows of its tables."""
         import pandas as pd
 
-        return pd.DataFrame([mapping_from_record(row) for rows in self.levels.values() for row in rows])
+        rows = (*self.record.levels, *self.brightness)
+        return pd.DataFrame([mapping_from_record(row) for row in rows])
 
     def write(self, folder: Path) -> None:
         """Write the model, tables, coefficients, the figure and the report."""
@@ -162,11 +162,11 @@ class SweepResult(Result):
         model = Table(f"The {stem} model, with 95 % confidence intervals.", columns, self.coefficients)
         png = png_bytes(self.figures[self.name])
         write_toml_record(folder / f"{stem}.toml", self.model)
-        for name, rows in self.levels.items():
-            write_rows(folder / name, type(rows[0]), rows)
+        if self.brightness:
+            write_rows(folder / BRIGHTNESS, LuminanceLevel, self.brightness)
         write_json_record(folder / f"{stem}_fit.json", self.record)
         write_whole(folder / picture, png)
-        names = (f"{stem}.toml", *self.levels, f"{stem}_fit.json", picture)
+        names = (f"{stem}.toml", *([BRIGHTNESS] if self.brightness else []), f"{stem}_fit.json", picture)
         sections = (
             Section(
                 "The panel" if stem == "power" else "The display",

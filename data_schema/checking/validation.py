@@ -33,7 +33,7 @@ NO_RECORDS = (
     "*.catalogue.csv",
     "*.published.csv",
     *("agreement.csv", "control.json", "errors.csv", "judgement.csv", "power_table.csv", "tuning.json"),
-    "benchmark.json",
+    *("benchmark.json", "power_levels.csv"),
 )
 LIKENESS = 0.5  # share of keys that a file must have in common with a record to be taken for one
 TOLERANCE = 1e-6  # relative; the order of summation is not the writer's

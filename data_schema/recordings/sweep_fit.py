@@ -38,7 +38,7 @@ class LuminanceSource(enum.Enum):
 
 @record
 class LuminanceLevel:
-    """One measured level of a display: a row of `luminance_levels.csv` or `brightness.csv`."""
+    """One measured level of a display: a row of `brightness.csv`, or of a fit."""
 
     factor: float | None = share(
         "brightness factor b that was asked for; empty for a pixel value at full brightness", above=0.0
@@ -70,7 +70,7 @@ class LuminanceLevel:
 
 @record
 class PowerLevel:
-    """One measured brightness factor of a panel: a row of `power_levels.csv`."""
+    """One measured brightness factor of a panel."""
 
     factor: float = share("brightness factor b that was asked for", above=0.0)
     achieved_factor: float = as_in(LuminanceLevel, "achieved_factor")
@@ -177,6 +177,9 @@ class DisplayFit:
     flags: tuple[SweepFlag, ...] = described("what to look at")
     provenance: Provenance = described("how the file was made")
     suspects: tuple[SuspectReading, ...] = described("readings that contradict the others", default=())
+    levels: tuple[LuminanceLevel, ...] = described(
+        "pixel values as they were read, beside the curve; none in older files", default=()
+    )
 
     def __post_init__(self) -> None:
         for name in ("gamma", "peak_luminance", "black_level"):
@@ -250,6 +253,9 @@ class PowerFit:
     flags: tuple[SweepFlag, ...] = as_in(DisplayFit, "flags")
     provenance: Provenance = described("how the file was made")
     suspects: tuple[SuspectReading, ...] = as_in(DisplayFit, "suspects")
+    levels: tuple[PowerLevel, ...] = described(
+        "brightness factors as they were read, beside the line; none in older files", default=()
+    )
 
     def __post_init__(self) -> None:
         for name in ("base_power", "power_per_luminance"):

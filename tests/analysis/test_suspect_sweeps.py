@@ -205,7 +205,7 @@ def test_two_bad_readings_of_one_level_leave_the_one_that_fits_its_neighbours() 
     bad = with_bad(clean, place_of(clean, 0.8125, 1), 7.25)
     found = fitted(with_bad(bad, place_of(clean, 0.8125, 3), 12.0))
     assert {each.value for each in found.record.suspects} == {7.25, 12.0}
-    row = next(row for row in found.levels["luminance_levels.csv"] if row.pixel_value == 0.8125)
+    row = next(row for row in found.record.levels if row.pixel_value == 0.8125)
     assert (row.n_readings, row.luminance) == (1, clean[place_of(clean, 0.8125, 2)].luminance)
 
 

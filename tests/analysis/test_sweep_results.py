@@ -23,12 +23,9 @@ from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign, PowerReading, PowerSweepDesign
 from evenlight.data_schema.recordings.sweep_fit import (
     DisplayFit,
-    LuminanceLevel,
     PowerFit,
-    PowerLevel,
     SweepFlag,
 )
-from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
 from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
 from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
@@ -101,7 +98,7 @@ def test_a_measured_display_has_its_date_and_no_such_word(tmp_path: Path) -> Non
 
 
 def test_the_levels_are_the_readings_averaged(luminance: Path) -> None:
-    rows = read_rows(LuminanceLevel, luminance / "luminance_levels.csv")
+    rows = read_json_record(DisplayFit, luminance / "display_fit.json").levels
     lines = [json.loads(line) for line in (luminance / "readings.jsonl").read_text().splitlines()]
     own = [r["luminance_cd_m2"] for r in lines if r["pixel_value"] == 0.5 and r["phase"] == "sweep"]
     row = next(row for row in rows if row.pixel_value == 0.5)
@@ -174,9 +171,8 @@ def test_reports_hold_their_figure_and_say_simulated(luminance: Path, power: Pat
 def test_from_python_a_sweep_answers_as_every_analysis(power: Path, tmp_path: Path) -> None:
     result = analyse_sweep(power)
     table = result.to_frame()
-    assert table["power_w"].tolist() == [
-        row.power for row in read_rows(PowerLevel, power / "power_levels.csv")
-    ]
+    levels = read_json_record(PowerFit, power / "power_fit.json").levels
+    assert table["power_w"].tolist() == [level.power for level in levels]
     assert isinstance(result.plot("power"), Figure)
     assert repr(result).startswith("<Power of bench (SIMULATED)>\nPower is linear in luminance: ")
     assert len(result.first_lines[0].split()) <= 60
@@ -194,7 +190,7 @@ def test_the_power_model_serves_the_optimizer_and_holds_the_truth(power: Path) -
     assert model.peak_luminance == pytest.approx(200.0, rel=0.005)
     assert "SIMULATED" in model.name
     assert found.flags == ()
-    assert len(read_rows(PowerLevel, power / "power_levels.csv")) == 10
+    assert len(found.levels) == 10
 
 
 def test_without_a_luminance_meter_the_factor_tells_the_luminance_and_the_files_say_so(
@@ -280,7 +276,14 @@ def test_fit_takes_a_data_set_that_holds_sweeps_only(
         dataset / "sweeps" / "luminance-sweep_02", session_id="02", started="2026-03-05T09:00:00Z"
     )
     write_sweep(dataset / "sweeps" / "power-sweep_01", POWER, readings_of_power())
+    former = [out / "luminance-sweep/luminance_levels.csv", out / "power-sweep/power_levels.csv"]
+    for path in former:  # of an earlier version
+        path.parent.mkdir(parents=True)
+        path.touch()
     fit(dataset, out=out)
+    assert not any(path.exists() for path in former)
+    page = (out / "power-sweep" / "report.html").read_text()
+    assert page.count("P of the line [W]") == 1
     assert sorted(path.name for path in out.iterdir()) == ["luminance-sweep", "power-sweep"]
     found = read_json_record(DisplayFit, out / "luminance-sweep" / "display_fit.json")
     assert found.session_id == "02"

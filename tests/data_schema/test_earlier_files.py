@@ -17,7 +17,7 @@ GONE = {  # what CHANGELOG.md says is gone, part of another file, or read by a c
     *("agreement.csv", "control.json", "errors.csv", "judgement.csv", "power_table.csv", "tuning.json"),
     *("light.csv", "light_arrivals.csv", "light_flips.csv", "light_log.json", "light_results.json"),
     *("a_benchmark.csv", "a_growth.csv", "a_claims.csv", "benchmark.json", "target_sweep.csv"),
-    *("a.catalogue.csv", "a.published.csv"),
+    *("a.catalogue.csv", "a.published.csv", "power_levels.csv"),
 }
 
 
