@@ -19,7 +19,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.stimuli.ramp import reachable_luminances
-from evenlight.stimuli.typesetting import Line, Word, require_letters, runs_to_left, words_of
+from evenlight.stimuli.typesetting import Line, Word, beginning, require_letters, runs_to_left, words_of
 
 # Sizes are shares of the page's height, or multiples of the size of the text (em).
 TEXT_SIZE = 1 / 24  # of the height
@@ -45,6 +45,8 @@ class Block(NamedTuple):
     title: bool = False
     mark: str = ""  # what stands before an item of a list; empty for none
     to_left: bool = False  # whether it runs from right to left
+    scale: float = 1.0  # of its letters, in multiples of the text's
+    gap: float = 0.0  # below it, besides that of all paragraphs [em]
 
 
 def page_blocks(text: str) -> tuple[Block, ...]:
@@ -64,15 +66,6 @@ def page_blocks(text: str) -> tuple[Block, ...]:
     if text.count("**") % 2:
         raise InputError(f"the page {beginning(text)} has a ** that no second one ends")
     return tuple(_blocks(text))
-
-
-def beginning(text: str) -> str:
-    r"""Return the first words of a text, for a message.
-
-    >>> beginning("# Welcome\n\nThank you")
-    "'# Welcome'"
-    """
-    return repr(text.strip().splitlines()[0][:40])
 
 
 def _blocks(text: str) -> Iterator[Block]:
@@ -116,12 +109,17 @@ def page_image(
         If the text is empty, does not fit, or has letters that the font lacks.
     """
     foot = 2 * LINE_HEIGHT if footer else 0.0
-    fitted = _fitted(text, size, Look(TITLE_SIZE, font=font), size[1], MEASURE, foot)
-    widest = _widest(fitted.lines)
-    top = size[1] * MARGIN + OPTICAL_CENTRE * (size[1] * (1 - 2 * MARGIN) - foot * fitted.em - fitted.depth)
-    lines = [line._replace(x=widest - line.x - line.width) if line.to_left else line for line in fitted.lines]
+    require_letters(text, font)
+    blocks = [
+        block._replace(words=_bold(block.words), scale=TITLE_SIZE, gap=TITLE_GAP) if block.title else block
+        for block in page_blocks(text)
+    ]
+    em, lines, depth = _fitted(text, blocks, size, font, size[1], MEASURE, foot)
+    widest = _widest(lines)
+    top = size[1] * MARGIN + OPTICAL_CENTRE * (size[1] * (1 - 2 * MARGIN) - foot * em - depth)
+    lines = [line._replace(x=widest - line.x - line.width) if line.to_left else line for line in lines]
     image = _drawn(lines, ((size[0] - widest) / 2, top), size)
-    return np.maximum(image, _foot(footer, fitted.em, size, font)) if footer else image
+    return np.maximum(image, _foot(footer, em, size, font)) if footer else image
 
 
 def centred_image(
@@ -151,59 +149,44 @@ def centred_image(
     array of uint8, (height, width)
         As from `page_image`, which also says what is refused.
     """
-    look = Look(scale, bold_title=False, font=font)
-    fitted = _fitted(text, size, look, page_height or size[1])
-    lines = fitted.lines
+    require_letters(text, font)
+    first, *others = page_blocks(text)
+    blocks = [
+        block._replace(scale=scale) if block.title else block
+        for block in (first._replace(title=True, mark=""), *others)
+    ]
+    em, lines, depth = _fitted(text, blocks, size, font, page_height or size[1])
     while True:  # the narrowest column that needs no more lines: no word is alone
-        narrower, _ = _set(fitted.blocks, fitted.em, 0.98 * _widest(lines), look)
+        narrower, _ = _set(blocks, em, 0.98 * _widest(lines), font)
         if len(narrower) > len(lines) or _widest(narrower) >= _widest(lines):
             break
         lines = narrower
     middle = [line._replace(x=(size[0] - line.width) / 2) for line in lines]
-    return _drawn(middle, (0.0, (size[1] - fitted.depth) / 2), size)
+    return _drawn(middle, (0.0, (size[1] - depth) / 2), size)
 
 
-class Look(NamedTuple):
-    """How the blocks of a text look."""
-
-    title_size: float  # in multiples of the text's
-    bold_title: bool = True  # else the first block is the title, in plain letters
-    font: Path | None = None  # a lab's own
-
-
-class Fitted(NamedTuple):
-    """A text in the largest letters in which it fits."""
-
-    blocks: Sequence[Block]
-    em: int  # size of the letters [pixels]
-    lines: list[Line]
-    depth: float  # how deep they reach [pixels]
+def _bold(words: Sequence[Word]) -> tuple[Word, ...]:
+    return tuple(tuple((piece, True) for piece, _ in word) for word in words)
 
 
 def _fitted(
     text: str,
+    blocks: Sequence[Block],
     size: tuple[int, int],
-    look: Look,
+    font: Path | None,
     page_height: int,
     measure: float = math.inf,
     foot: float = 0.0,
-) -> Fitted:
-    _require_letters(text, look.font)
-    blocks = page_blocks(text)
-    if not look.bold_title:
-        blocks = (blocks[0]._replace(title=True, mark=""), *blocks[1:])
+) -> tuple[int, list[Line], float]:
+    """Return the largest letters in which a text fits, its lines, and how deep they reach [pixels]."""
     width, height = (side * (1 - 2 * MARGIN) for side in size)
     preferred = max(SMALLEST_PIXELS, round(page_height * TEXT_SIZE))
     for em in range(preferred, max(SMALLEST_PIXELS, round(preferred * SMALLEST_SHARE)) - 1, -1):
         column = min(measure * em, width)
-        lines, depth = _set(blocks, em, column, look)
+        lines, depth = _set(blocks, em, column, font)
         if depth <= height - foot * em and _widest(lines) <= column:
-            return Fitted(blocks, em, lines, depth)
+            return em, lines, depth
     raise _too_long(text, size)
-
-
-def _require_letters(text: str, font: Path | None) -> None:
-    require_letters(text, font, beginning(text) if text.strip() else "")
 
 
 def _too_long(text: str, size: tuple[int, int]) -> InputError:
@@ -213,22 +196,19 @@ def _too_long(text: str, size: tuple[int, int]) -> InputError:
     )
 
 
-def _set(blocks: Sequence[Block], em: int, column: float, look: Look) -> tuple[list[Line], float]:
+def _set(blocks: Sequence[Block], em: int, column: float, font: Path | None) -> tuple[list[Line], float]:
     lines: list[Line] = []
     depth = 0.0
     for index, block in enumerate(blocks):
-        size = round(em * (look.title_size if block.title else 1))
+        size = round(em * block.scale)
         in_list = bool(block.mark and index and blocks[index - 1].mark)
         if index:
             depth += em * (ITEM_GAP if in_list else PARAGRAPH_GAP)
-            depth += em * TITLE_GAP * (blocks[index - 1].title and look.bold_title)
-        words = block.words
-        if block.title and look.bold_title:
-            words = tuple(tuple((piece, True) for piece, _ in word) for word in words)
+            depth += em * blocks[index - 1].gap
         leading = size * (LINE_HEIGHT if not block.title else 1.25)
         indent = INDENT * em if block.mark else 0.0
-        line = Line((), size, look.font, block.to_left, indent)
-        for number, row in enumerate(_wrapped(words, line, column - indent)):
+        line = Line((), size, font, block.to_left, indent)
+        for number, row in enumerate(_wrapped(block.words, line, column - indent)):
             depth += leading
             baseline = depth - (leading - size) / 2 - 0.2 * size  # letters reach 0.2 em below their baseline
             if block.mark and number == 0:
@@ -262,7 +242,7 @@ def _drawn(lines: Sequence[Line], origin: tuple[float, float], size: tuple[int, 
 
 
 def _foot(footer: str, em: int, size: tuple[int, int], font: Path | None) -> NDArray[np.uint8]:
-    _require_letters(footer, font)
+    require_letters(footer, font)
     line = Line(words_of(footer), round(FOOTER_SIZE * em), font, runs_to_left(footer))
     if line.width > size[0] * (1 - 2 * MARGIN):
         raise _too_long(footer, size)

@@ -77,8 +77,18 @@ def runs_to_left(text: str) -> bool:
     return sum(found in RIGHT_TO_LEFT for found in classes) > classes.count("L")
 
 
-def require_letters(text: str, font: Path | None, quoted: str) -> None:
-    """Refuse a text with a letter that no font has; `quoted` is its beginning, for the message."""
+def beginning(text: str) -> str:
+    r"""Return the first words of a text, for a message.
+
+    >>> beginning("# Welcome\n\nThank you")
+    "'# Welcome'"
+    """
+    return repr(text.strip().splitlines()[0][:40]) if text.strip() else "''"
+
+
+def require_letters(text: str, font: Path | None) -> None:
+    """Refuse a text with a letter that no font has."""
+    quoted = beginning(text)
     for letter in unicodedata.normalize("NFC", text):
         if (
             not letter.isspace()

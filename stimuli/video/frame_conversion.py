@@ -278,14 +278,9 @@ def area_weights(many: int, few: int) -> sparse.csr_array[Any]:
     if not 0 < few <= many:
         raise ValueError(f"need 1 to {many} pixels in place of {many}, got {few}")
     scale = many / few
-    cells, pixels, shares = [], [], []
-    for cell in range(few):
-        low, high = cell * scale, (cell + 1) * scale
-        for pixel in range(int(low), min(int(np.ceil(high)), many)):
-            share = (min(high, pixel + 1) - max(low, pixel)) / scale
-            if share > 0:
-                cells.append(cell)
-                pixels.append(pixel)
-                shares.append(share)
-    weights = sparse.coo_array((shares, (cells, pixels)), shape=(few, many), dtype=np.float32)
+    edges = np.union1d(np.arange(many + 1), np.arange(few + 1) * scale)
+    middles = (edges[:-1] + edges[1:]) / 2
+    cells, pixels = np.minimum(middles / scale, few - 1), np.minimum(middles, many - 1)
+    places = cells.astype(np.intp), pixels.astype(np.intp)
+    weights = sparse.coo_array((np.diff(edges) / scale, places), shape=(few, many), dtype=np.float32)
     return sparse.csr_array(weights)

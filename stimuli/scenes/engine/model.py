@@ -19,6 +19,7 @@ from evenlight.stimuli.scenes.engine.scene import (
     Floats,
     Ground,
     Material,
+    Patches,
     Place,
     Scene,
     Sky,
@@ -29,8 +30,6 @@ from evenlight.stimuli.scenes.engine.scene import (
 from evenlight.stimuli.scenes.engine.shapes import (
     BOX_SIDES,
     DARK,
-    PatchColumns,
-    Pieces,
     at_right_angles,
     cylinder_side,
     projected,
@@ -58,7 +57,11 @@ class SceneModel:
     def __init__(self, name: str, seed: int) -> None:
         self.name, self.seed = name, seed
         self.rng = stream(seed, name)
-        self._columns = PatchColumns(name)
+        self._materials: dict[str, Material] = {}
+        # Of each object: origin, along, across, normals and uvs of its pieces; what they have in common is
+        # whether they are triangles, the material, tint and emission.
+        self._pieces: list[tuple[Floats, ...]] = []
+        self._common: list[tuple[bool, int, Floats, Floats]] = []
         self._windows: list[Floats] = []
         self._sun: Sun | None = None
         self._sky = Sky()
@@ -95,6 +98,7 @@ class SceneModel:
         uvs: ArrayLike | None = None,
         normals: ArrayLike | None = None,
         tint: Sequence[float] = WHITE,
+        shine: Sequence[float] | Floats = DARK,
     ) -> None:
         """Add a flat quadrilateral.
 
@@ -111,8 +115,27 @@ class SceneModel:
             Unit normals of the corners, if it is to be lit like a part of something round.
         tint : (float, float, float)
             Factor of the albedo, in [0, 1].
+        shine : (float, float, float)
+            Luminance that it sends out itself, linear RGB [cd/m^2].
         """
-        self._quad(corners, material, uvs, tint, normals=normals)
+        four = np.asarray(corners, dtype=float)
+        if four.shape != (4, 3):
+            raise ValueError(f"quad of {material.name}: need 4 corners of 3 numbers, got shape {four.shape}")
+        facing = at_right_angles(four[2] - four[0], four[3] - four[1])
+        size = np.sqrt(facing @ facing)
+        if not size > 0:
+            raise ValueError(f"quad of {material.name}: it has no area, corners {four.tolist()}")
+        facing = facing / size
+        mapped = (
+            self._mapped(four[None], facing[None], material)[0] if uvs is None else np.asarray(uvs, float)
+        )
+        regular = np.abs(four[0] + four[2] - four[1] - four[3]).max() < FLAT and (
+            np.abs(mapped[0] + mapped[2] - mapped[1] - mapped[3]).max() < FLAT
+        )
+        chosen = np.array([[0, 1, 3]] if regular else [[0, 1, 2], [0, 2, 3]])
+        given = np.tile(facing, (4, 1)) if normals is None else np.asarray(normals, float)
+        pieces = four[chosen], given[chosen], mapped[chosen]
+        self._take(*pieces, material, tint, shine, triangle=not regular)
 
     def box(
         self,
@@ -172,8 +195,8 @@ class SceneModel:
             # Whole parallelograms: light on the halves of divided ones would not meet at their seams.
             k = np.arange(segments)
             chosen = np.stack([k, k + 1, k + segments + 1], axis=1)
-            pieces = Pieces(side.points[chosen], side.normals[chosen], side.uvs[chosen], triangle=False)
-            self._take(pieces, material, tint)
+            points, normals, uvs = side.points[chosen], side.normals[chosen], side.uvs[chosen]
+            self._take(points, normals, uvs, material, tint, triangle=False)
         else:
             self.mesh(side.points, side.triangles, material, uvs=side.uvs, normals=side.normals, tint=tint)
         # Each edge goes counter-clockwise seen from outside.
@@ -244,13 +267,13 @@ class SceneModel:
             np.repeat(facing[:, None], 3, axis=1) if normals is None else np.asarray(normals, float)[chosen]
         )
         mapped = self._mapped(corners, facing, material) if uvs is None else np.asarray(uvs, float)[chosen]
-        self._take(Pieces(corners, given, mapped, triangle=True), material, tint)
+        self._take(corners, given, mapped, material, tint, triangle=True)
 
     def lamp(self, corners: ArrayLike, luminance: float, colour: Sequence[float] = WHITE) -> None:
         """Add a luminous parallelogram of some luminance [cd/m^2]; it shines to its visible side."""
         shine = np.asarray(colour, float)
         shine = shine * luminance / (shine @ REC_709)
-        self._quad(corners, GLOWING, None, WHITE, shine)
+        self.quad(corners, GLOWING, shine=shine)
 
     def window(self, corners: ArrayLike) -> None:
         """Say where a room sees the sky, as a parallelogram: the bake then finds its light without noise.
@@ -297,13 +320,20 @@ class SceneModel:
 
     def build(self) -> Scene:
         """Return the scene."""
-        if not self._columns:
+        if not self._pieces:
             raise ValueError(f"scene {self.name}: there is nothing in it")
+        # What is the same for all pieces of an object is written out here, for all objects at once.
+        counts = [len(pieces[0]) for pieces in self._pieces]
+        common = [np.repeat(np.array(one), counts, axis=0) for one in zip(*self._common, strict=True)]
+        own = [np.concatenate(pieces) for pieces in zip(*self._pieces, strict=True)]
+        columns = (*own[:3], common[0], *own[3:], *common[1:])
+        for column in columns:
+            column.setflags(write=False)
         return Scene(
             self.name,
             self.seed,
-            self._columns.patches(),
-            self._columns.materials(),
+            Patches(*columns),
+            tuple(self._materials.values()),
             np.array(self._windows).reshape(-1, 4, 3),
             self._sun,
             self._sky,
@@ -311,39 +341,12 @@ class SceneModel:
             tuple(self._places),
         )
 
-    def _quad(
-        self,
-        corners: ArrayLike,
-        material: Material,
-        uvs: ArrayLike | None,
-        tint: Sequence[float],
-        shine: Sequence[float] | Floats = DARK,
-        normals: ArrayLike | None = None,
-    ) -> None:
-        four = np.asarray(corners, dtype=float)
-        if four.shape != (4, 3):
-            raise ValueError(f"quad of {material.name}: need 4 corners of 3 numbers, got shape {four.shape}")
-        facing = at_right_angles(four[2] - four[0], four[3] - four[1])
-        size = np.sqrt(facing @ facing)
-        if not size > 0:
-            raise ValueError(f"quad of {material.name}: it has no area, corners {four.tolist()}")
-        facing = facing / size
-        mapped = (
-            self._mapped(four[None], facing[None], material)[0] if uvs is None else np.asarray(uvs, float)
-        )
-        regular = np.abs(four[0] + four[2] - four[1] - four[3]).max() < FLAT and (
-            np.abs(mapped[0] + mapped[2] - mapped[1] - mapped[3]).max() < FLAT
-        )
-        chosen = np.array([[0, 1, 3]] if regular else [[0, 1, 2], [0, 2, 3]])
-        given = np.tile(facing, (4, 1)) if normals is None else np.asarray(normals, float)
-        self._take(Pieces(four[chosen], given[chosen], mapped[chosen], not regular), material, tint, shine)
-
     def _rectangles(self, fours: Floats, material: Material, tint: Sequence[float]) -> None:
         facing = at_right_angles(fours[:, 2] - fours[:, 0], fours[:, 3] - fours[:, 1])
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
         mapped, three = self._mapped(fours, facing, material), [0, 1, 3]
         normals = np.repeat(facing[:, None], 3, axis=1)
-        self._take(Pieces(fours[:, three], normals, mapped[:, three], triangle=False), material, tint)
+        self._take(fours[:, three], normals, mapped[:, three], material, tint, triangle=False)
 
     def _disc(self, middle: Floats, edge: Floats, material: Material, tint: Sequence[float]) -> None:
         k = np.arange(1, len(edge))
@@ -357,14 +360,24 @@ class SceneModel:
 
     def _take(
         self,
-        pieces: Pieces,
+        corners: Floats,
+        normals: Floats,
+        uvs: Floats,
         material: Material,
         tint: Sequence[float],
         shine: Sequence[float] | Floats = DARK,
+        *,
+        triangle: bool,
     ) -> None:
-        normals = pieces.normals @ self._turned.T
-        placed = Pieces(self._placed(pieces.corners), normals, pieces.uvs, pieces.triangle)
-        self._columns.take(placed, material, tint, shine)
+        """Add pieces: corner and two neighbours, (n, 3, 3), unit normals and texture coordinates there."""
+        known = self._materials.setdefault(material.name, material)
+        if known is not material and known != material:
+            raise ValueError(f"scene {self.name}: two different materials are called {material.name!r}")
+        index = list(self._materials).index(material.name)
+        origin, *ends = np.moveaxis(self._placed(corners), 1, 0)
+        edges = [end - origin for end in ends]
+        self._pieces.append((origin, *edges, normals @ self._turned.T, uvs))
+        self._common.append((triangle, index, np.asarray(tint, float), np.asarray(shine, float)))
 
     def _placed(self, points: Floats) -> Floats:
         return np.asarray(points @ self._turned.T + self._moved)
