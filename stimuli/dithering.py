@@ -144,22 +144,15 @@ def hashed(columns: ArrayLike, rows: ArrayLike, frame: int, seed: int) -> NDArra
     for name, number in (("frame", frame), ("seed", seed)):
         if not 0 <= number < 1 << 32:
             raise ValueError(f"{name} must be in [0, 2^32), got {number}")
-    words = (np.asarray(columns), np.asarray(rows), np.asarray(frame), np.asarray(seed))
     with np.errstate(over="ignore"):  # arithmetic modulo 2^32 is what is meant
-        x, y, z, w = (word.astype(np.uint32) * MULTIPLIER + INCREMENT for word in words)
-        x, y, z, w = _mixed(x, y, z, w)
-        x, y, z, w = (word ^ (word >> np.uint32(16)) for word in (x, y, z, w))
-        return np.asarray(_mixed(x, y, z, w)[3])
-
-
-def _mixed(
-    x: NDArray[np.uint32], y: NDArray[np.uint32], z: NDArray[np.uint32], w: NDArray[np.uint32]
-) -> tuple[NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32], NDArray[np.uint32]]:
-    x = x + y * w
-    y = y + z * x
-    z = z + x * y
-    w = w + y * z
-    return x, y, z, w
+        words = [
+            np.asarray(w).astype(np.uint32) * MULTIPLIER + INCREMENT for w in (columns, rows, frame, seed)
+        ]
+        for last in (False, True):
+            for k, (i, j) in enumerate(((1, 3), (2, 0), (0, 1), (1, 2))):
+                words[k] = words[k] + words[i] * words[j]
+            words = words if last else [word ^ (word >> np.uint32(16)) for word in words]
+    return np.asarray(words[3])
 
 
 def levels_of(pixel_values: NDArray[Any]) -> tuple[NDArray[Any], int]:

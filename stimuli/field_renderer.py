@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
 from evenlight.stimuli.dithering import neighbouring_codes, thresholds_of
-from evenlight.stimuli.shaders import over_all, shader
+from evenlight.stimuli.shaders import over_all, set_uniforms, shader
 
 if TYPE_CHECKING:
     import moderngl
@@ -75,7 +75,6 @@ class CodeRenderer:
     def __init__(self, context: moderngl.Context, display: Display, bits: int, dither: Dither) -> None:
         self._context, self._display, self._bits = context, display, bits
         self._triangle = over_all(context, shader(self.SHADER))
-        self._program = self._triangle.program
         self._text = self._blank = context.texture((1, 1), 1, bytes(1), alignment=1, dtype=self.TEXT)
         self._text_source: NDArray[np.uint8] | None = None
         matrix = thresholds_of(Dither.ORDERED if dither is Dither.NOISY_BIT else dither, (8, 8))
@@ -106,8 +105,7 @@ class CodeRenderer:
         self._triangle.render(vertices=3)
 
     def _set(self, **uniforms: object) -> None:
-        for name, value in uniforms.items():
-            self._program[name].value = value  # type: ignore[union-attr] # they are uniforms, all of them
+        set_uniforms(self._triangle, **uniforms)
 
 
 class FieldRenderer(CodeRenderer):

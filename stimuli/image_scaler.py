@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 from evenlight.stimuli.dithering import DEEP_LEVELS, GRID_LEVELS
 from evenlight.stimuli.image_renderer import Image
 from evenlight.stimuli.scenes.engine import graphics
-from evenlight.stimuli.scenes.engine.renderer import set_uniforms
-from evenlight.stimuli.shaders import over_all, shader
+from evenlight.stimuli.shaders import over_all, set_uniforms, shader
 
 if TYPE_CHECKING:
     import moderngl

@@ -12,8 +12,8 @@ from evenlight.data_schema.display import Display
 from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.scenes.engine import graphics
-from evenlight.stimuli.scenes.engine.renderer import SceneRenderer, set_uniforms
-from evenlight.stimuli.shaders import over_all
+from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.shaders import over_all, set_uniforms
 
 if TYPE_CHECKING:
     import moderngl

@@ -75,7 +75,7 @@ class EyeRenderer(CodeRenderer):
         size = framebuffer.width // 2, framebuffer.height
         for index, eye in enumerate(views.eyes):
             panel = panel_matrix(eye, size, views.head, self._text.size)
-            self._set(left_edge=index * size[0], panel=columns(panel))
+            self._set(left_edge=index * size[0], panel=panel)
             image = self._no_image if take_image is None else take_image(index, eye, size)
             framebuffer.viewport = (index * size[0], 0, *size)
             self._render(self._text, image, self._thresholds)
@@ -158,7 +158,7 @@ class EyeImageRenderer(EyeRenderer, ImageUploads):
                 first = index * part[0], 0
             mapping = SPHERE if isinstance(surface, Sphere) else PLANE
             matrix = surface.matrix(eye, size, part)
-        self._set(mapping=mapping, surface=columns(matrix), first=first, part=part)
+        self._set(mapping=mapping, surface=matrix, first=first, part=part)
         self._set(highest_level=float(image.levels - 1), from_below=image.from_below)
         return image.texture
 
@@ -171,8 +171,3 @@ def centred(part: tuple[int, int], size: tuple[int, int]) -> Floats:
     """
     left, top = (size[0] - part[0]) // 2, (size[1] - part[1]) // 2
     return np.array([[1.0, 0.0, -left], [0.0, 1.0, -top], [0.0, 0.0, 1.0]])
-
-
-def columns(matrix: Floats) -> tuple[float, ...]:
-    """Return a matrix as shaders take it, column by column."""
-    return tuple(matrix.T.ravel().tolist())

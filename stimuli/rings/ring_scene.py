@@ -38,7 +38,7 @@ from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.engine.camera import Camera, View, focal_length_of
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Vector
-from evenlight.stimuli.shaders import over_all, shader
+from evenlight.stimuli.shaders import over_all, set_uniforms, shader
 
 if TYPE_CHECKING:
     import moderngl
@@ -69,7 +69,6 @@ class RingScene:
         self.texture.filter = graphics.NEAREST, graphics.NEAREST
         self._target = context.framebuffer(self.texture)
         self._whole = over_all(context, shader("ring").replace("SUBSAMPLES", str(SUBSAMPLES)))
-        self._program = self._whole.program
         self._set(codes=0, outer=GAPS_IN_DIAMETER / 2, gamma=display.gamma)
         self._set(black=display.black_level, white=display.peak_luminance)
 
@@ -128,7 +127,7 @@ class RingScene:
 
     def release(self) -> None:
         """Free what the graphics card holds of it; the renderer stays."""
-        for held in (self._whole, self._program, self._target, self.texture):
+        for held in (self._whole, self._whole.program, self._target, self.texture):
             held.release()
 
     def _place(self, camera: View, painted_ring: PaintedRing) -> None:
@@ -145,9 +144,7 @@ class RingScene:
         self._set(light=painted_ring.light, levels=levels_of(painted_ring.light, self._display))
 
     def _set(self, **uniforms: object) -> None:
-        for name, value in uniforms.items():
-            plain = tuple(value.tolist()) if isinstance(value, np.ndarray) else value
-            self._program[name].value = plain  # type: ignore[union-attr] # they are uniforms, all of them
+        set_uniforms(self._whole, **uniforms)
 
 
 @dataclass(frozen=True, slots=True)

@@ -147,15 +147,6 @@ def focal_length_of(display: Display) -> float:
     return display.pixels_per_degree * 180.0 / math.pi
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
-    """A turn by the keys: when it began [s], and by how much azimuth and altitude change [deg]."""
-
-    begun: float
-    azimuth: float
-    altitude: float
-
-
 class LookingAround:
     """The direction of view of someone who turns on the spot.
 
@@ -185,7 +176,8 @@ class LookingAround:
         # A first view beyond the limits may be kept.
         self._lowest, self._highest = min(-HIGHEST, altitude), max(HIGHEST, altitude)
         self._azimuth, self._altitude = 0.0, altitude  # where the view will be when all turns are over
-        self._turns: list[Turn] = []
+        # Turns by the keys: when each began [s], and by how much azimuth and altitude change [deg].
+        self._turns: list[tuple[float, float, float]] = []
 
     def moved(self, right: float, up: float) -> None:
         """Turn the view at once, by a movement of the mouse [pixels]."""
@@ -193,15 +185,14 @@ class LookingAround:
 
     def turn(self, right: int, up: int, now: float) -> None:
         """Begin to turn the view by steps of `STEP`, to the right and up, at a time [s]."""
-        azimuth, altitude = self._go(right * STEP, up * STEP)
-        self._turns.append(Turn(now, azimuth, altitude))
+        self._turns.append((now, *self._go(right * STEP, up * STEP)))
 
     def direction(self, now: float) -> tuple[float, float]:
         """Return the direction of view at a time [s]: azimuth from the first one, and altitude [deg]."""
-        self._turns = [turn for turn in self._turns if now - turn.begun < TURNING]
-        left = [(turn, 1 - eased((now - turn.begun) / TURNING)) for turn in self._turns]
-        azimuth = self._azimuth - sum(share * turn.azimuth for turn, share in left)
-        altitude = self._altitude - sum(share * turn.altitude for turn, share in left)
+        self._turns = [turn for turn in self._turns if now - turn[0] < TURNING]
+        left = [(1 - eased((now - begun) / TURNING), *change) for begun, *change in self._turns]
+        azimuth = self._azimuth - sum(share * change for share, change, _ in left)
+        altitude = self._altitude - sum(share * change for share, _, change in left)
         # A mouse that moves back while a turn lasts could leave the limits for a moment.
         return (
             min(max(azimuth, -self._widest), self._widest),

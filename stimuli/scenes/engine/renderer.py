@@ -5,7 +5,7 @@ Sharp shadows are looked up in a depth picture of what the sun sees, made once.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,7 +32,7 @@ from evenlight.stimuli.scenes.engine.vertices import (
     vertices_of,
 )
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA, codes_on_grid
-from evenlight.stimuli.shaders import over_all, shader
+from evenlight.stimuli.shaders import over_all, set_uniforms, shader
 
 if TYPE_CHECKING:
     import moderngl
@@ -374,15 +374,3 @@ def _sun_matrix(scene: Scene) -> Floats:
     matrix[:3, :3] = axes * (2 / (high - low))[:, None]
     matrix[:3, 3] = -(high + low) / (high - low)
     return matrix
-
-
-def set_uniforms(surface: moderngl.VertexArray, **values: Any) -> None:
-    """Set uniforms of a program, those that it uses; matrices are given for columns."""
-    for name, value in values.items():
-        if name not in surface.program:
-            continue
-        uniform: Any = surface.program[name]
-        if isinstance(value, np.ndarray) and value.ndim == 2:
-            uniform.write(value.T.astype("f4").tobytes())
-        else:
-            uniform.value = tuple(np.asarray(value).tolist()) if np.ndim(value) else value

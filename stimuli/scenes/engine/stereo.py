@@ -13,8 +13,9 @@ import numpy as np
 
 from evenlight.stimuli.scenes.engine.antialiasing import EYES, Antialiasing
 from evenlight.stimuli.scenes.engine.camera import View
-from evenlight.stimuli.scenes.engine.renderer import GraphicsScene, SceneRenderer, set_uniforms
+from evenlight.stimuli.scenes.engine.renderer import GraphicsScene, SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Quality, Scene
+from evenlight.stimuli.shaders import set_uniforms
 
 if TYPE_CHECKING:
     import moderngl
