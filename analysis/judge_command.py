@@ -44,8 +44,8 @@ def judge(
 ) -> None:
     """Judge a track by several measures of what is lost, beside constant dimming at equal power."""
     from evenlight.analysis.judgement.judgement import judge_track
+    from evenlight.data_schema.arguments import whole
     from evenlight.data_schema.tracks.loaded_track import load_track
-    from evenlight.inputs import whole
     from evenlight.method.choices import AnalysisEffort
     from evenlight.method.contrast.measures import measure_named
     from evenlight.stimuli.dimmed.matched_track import display_of

@@ -15,6 +15,7 @@ from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.integrity.concern import Concern
 from evenlight.analysis.report import KeyFigure, Picture, Section
 from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
+from evenlight.data_schema.arguments import must_be_one_of, path
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.storage.tables import write_rows
@@ -106,15 +107,16 @@ class Result(ABC):
         figures = dict(self.figures)
         if name is None:
             return figures
-        if name not in figures:
-            raise InputError(f"name must be one of {', '.join(figures) or 'none'}, got {name!r}")
+        if not isinstance(name, str) or name not in figures:
+            raise InputError(must_be_one_of("name", name, figures))
         return figures[name]
 
     def save(self, folder: str | PathLike[str]) -> None:
         """Write its files into a folder, which is made if need be."""
-        with results_folder(Path(folder)) as made:
+        of = path("folder", folder)
+        with results_folder(of) as made:
             self.write(made)
-        remove_stale(Path(folder), self.FORMER_FILES, ())
+        remove_stale(of, self.FORMER_FILES, ())
 
     def __repr__(self) -> str:
         return f"<{self.heading}>\n{self.summary()}"

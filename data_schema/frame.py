@@ -6,12 +6,12 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from numbers import Real
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arguments import number
 from evenlight.data_schema.errors import InputError
 
 PIXEL_TYPES = ("uint8", "uint16", "float32", "float64")
@@ -94,8 +94,8 @@ class Frame:
         for name, value in (("time", time), ("duration", duration), ("pixels", pixel_values)):
             object.__setattr__(self, name, value)
         for name, value in (("time", time), ("duration", duration)):
-            if isinstance(value, bool) or not isinstance(value, Real):
-                raise InputError(f"{name} must be a number, got {value!r}")
+            if type(value) is not float:  # as nearly all are
+                number(name, value)
         if not (math.isfinite(time) and 0 < duration < math.inf):
             raise InputError(
                 f"a frame needs a finite time and a duration above 0 s, got {time:g} and {duration:g}"

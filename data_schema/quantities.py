@@ -233,8 +233,13 @@ def _field_value(field: dataclasses.Field[Any], kind: Any, value: Any) -> Any:
     try:
         if not field.metadata.get("shape"):
             return typed(kind, value, "")
-        return None if value is None else read_only(value)  # what stands for None is the class's affair
-    except (ValueError, TypeError) as error:
+        if value is None and type(None) in typing.get_args(kind):
+            return None
+        array, axes = read_only(value), field.metadata["shape"]
+        if array.ndim != len(axes):
+            raise InputError(f"expected an array of shape ({', '.join(axes)}), got {array.shape}")
+        return array
+    except (ValueError, TypeError, OverflowError) as error:
         problem = str(error).removeprefix(": ")
         raise _field_error(field, f": {problem}") from None
 

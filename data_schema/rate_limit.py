@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from statistics import fmean
 from typing import TYPE_CHECKING
 
+from evenlight.data_schema.arguments import numbers
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import Array, described, quantity, record, share
@@ -209,7 +210,7 @@ class RateLimit:
         import numpy as np  # records are light to import: commands know them all before they do anything
         from numpy.polynomial import legendre
 
-        values = np.asarray(luminance, dtype=np.float64)
+        values = numbers("luminance", luminance)
         low, high = self.luminance_range
         held = np.minimum(values, low) / low
         inside = np.clip(values, low, high)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from evenlight.data_schema.arguments import choice, number, numbers, whole
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
@@ -13,23 +14,14 @@ from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.inputs import (
-    MIN_FACTORS,
-    Frames,
-    Named,
-    choice,
-    contrast_model_of,
-    display_of,
-    field_of_view_in,
-    frame_of,
-    number,
-    video_of,
-    whole,
-)
 from evenlight.keywords import right_names
 from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.one_factor import OneFactorLoss
+from evenlight.method.preset_files import load_contrast_model, load_display
+from evenlight.stimuli.dimming_options import MIN_FACTORS
+from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
+from evenlight.stimuli.video.frames_in_memory import Frames, Named, frame_of, video_of
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
 from evenlight.stimuli.video.viewing_geometry import seen_video
@@ -59,8 +51,8 @@ def loss_curves(
     LossCurves
         Of N frames; `loss` is (N, K) at its K `factors`.
     """
-    source, panel = video_of(video, fps), display_of(display)
-    model = contrast_model_of(contrast_model)
+    source, panel = video_of(video, fps), load_display(display)
+    model = load_contrast_model(contrast_model)
     inputs = {
         "video": source.sha256(),
         "display": sha256_of_record(panel),
@@ -69,7 +61,9 @@ def loss_curves(
     knots = brightness_factors(number("min_factor", min_factor, *MIN_FACTORS))
     effort = AnalysisEffort(whole("jobs", jobs))
     made = provenance_now(inputs=inputs)
-    degrees = field_of_view_in(field_of_view) or field_of_view_of(source)
+    if field_of_view is not None:
+        number("field_of_view", field_of_view, NARROWEST, WIDEST)
+    degrees = field_of_view or field_of_view_of(source)
     frames, geometry = seen_video(source.frames(), panel, degrees, source.name)
     analysis = VideoAnalysis(model, knots, choice("actuator", actuator, Actuator), made, effort)
     return analysis.curves(frames, geometry, source.name)
@@ -105,15 +99,12 @@ def frame_loss(
     0.0
     """
     frame = frame_of(pixel_values)
-    try:
-        wanted = np.asarray(factors, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"factors must be numbers, got {factors!r}") from None
+    wanted = numbers("factors", factors)
     if not (wanted.size and wanted.min() > 0 and wanted.max() <= 1):
         raise InputError("factors must hold at least one number, and all must lie above 0 and not above 1")
     height, width, _ = frame.pixel_values.shape
     measure = OneFactorLoss(
-        (height, width), display_of(display), contrast_model_of(contrast_model), float(wanted.min())
+        (height, width), load_display(display), load_contrast_model(contrast_model), float(wanted.min())
     )
     return np.array([measure.of(frame.pixel_values, float(b)).loss for b in wanted.flat]).reshape(
         wanted.shape

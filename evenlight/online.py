@@ -9,14 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.tracks.control_request import LoopRequest
+from evenlight.data_schema.arguments import positive
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.inputs import (
-    frame_of,
-    positive,
-)
 from evenlight.keywords import takes_fields_of, with_fields
 from evenlight.method.choices import Device
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
@@ -45,6 +42,7 @@ from evenlight.method.online.lookahead import (
 )
 from evenlight.method.power import power_per_factor
 from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.stimuli.video.frames_in_memory import frame_of
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, viewing_geometry
 
 

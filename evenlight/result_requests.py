@@ -149,8 +149,8 @@ def _unknown(key: str, options: Mapping[str, Any]) -> str:
 
 def _value_of(told: Any, option: Any, kind: Any, where: str) -> Any:
     """Return the value of a key as its option takes it; refuse one of another kind, or out of its range."""
+    from evenlight.data_schema.arguments import number
     from evenlight.data_schema.quantities import require_computable, typed
-    from evenlight.inputs import number
 
     require_computable(where, told)
     value = typed(kind, told, where)

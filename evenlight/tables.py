@@ -18,6 +18,7 @@ from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.ramp_loading import RampData
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import task_data_of
+from evenlight.data_schema.arguments import choice, flag, must_be_one_of, number, whole
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
@@ -25,7 +26,8 @@ from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.session import TASKS
-from evenlight.inputs import Named, choice, display_of, whole
+from evenlight.method.preset_files import load_display
+from evenlight.stimuli.video.frames_in_memory import Named
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -90,14 +92,14 @@ def fit_ramps(
     InputError
         If a column is missing, a row cannot be (which names the row), or there are too few levels.
     """
-    panel = display_of(display)
+    panel = load_display(display)
     described = None if form is None else choice("form", form, RateLimitForm)
     options = RateLimitOptions(
         form=described,
         degree=None if degree is None else whole("degree", degree),
         procedure=None if procedure is None else choice("procedure", procedure, Procedure),
         model=default_model(described) if model is None else choice("model", model, RateLimitModel),
-        monotone=monotone,
+        monotone=flag("monotone", monotone),
     )
     rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
     trials = [
@@ -152,15 +154,17 @@ def analyze(
         If a column is missing, a row cannot be (which names the row), or the rows cannot be analysed.
     """
     viewing = {name: records.trial for name, records in TASKS.items() if name != "ramp"}
-    if task is not None and task not in viewing:
-        raise InputError(f"task must be one of {', '.join(viewing)}, got {task!r}")
+    if task is not None and not (isinstance(task, str) and task in viewing):
+        raise InputError(must_be_one_of("task", task, viewing))
     rows = _rows_of(table, ("participant_id", "sequence"))
     task = task or _task_of({key for row in rows for key in row})
     if task == "rating":
         rows = _with_places(rows)
     cls, defaults = viewing[task], NOT_READ.get(task, {})
     trials = [_record(cls, row, number, defaults, simulated) for number, row in enumerate(rows)]
-    options = AnalysisOptions(seed=seed, margin=margin, slowing=slowing)
+    options = AnalysisOptions(
+        seed=whole("seed", seed), margin=number("margin", margin), slowing=number("slowing", slowing)
+    )
     return task_findings(task_data_of(task, trials, simulated), options)
 
 

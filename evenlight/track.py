@@ -19,8 +19,10 @@ from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
+from evenlight.data_schema.arguments import numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.tracks.brightness_track import (
@@ -32,12 +34,14 @@ from evenlight.data_schema.tracks.brightness_track import (
 from evenlight.data_schema.tracks.loss_curves import (
     LossCurves,
     read_loss_curves,
+    require_possible_curves,
     write_loss_curves,
 )
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-from evenlight.inputs import Frames, Named, require_own, video_of
 from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.preset_files import load_contrast_model
+from evenlight.stimuli.video.frames_in_memory import Frames, Named, video_of
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
@@ -162,7 +166,7 @@ class Track(Result):
 
         Those of other clips are left to them.
         """
-        with track_folder(Path(folder)) as made:
+        with track_folder(path("folder", folder)) as made:
             self.write(made)
 
 
@@ -174,15 +178,15 @@ def load(folder: Named) -> Track:
     InputError
         If a file is missing or damaged.
     """
-    path = Path(folder)
-    if not path.is_dir():
+    of = path("folder", folder)
+    if not of.is_dir():
         raise InputError(
-            f"{path}: no such folder; give one that `Track.save` or `evenlight optimize` has written"
+            f"{of}: no such folder; give one that `Track.save` or `evenlight optimize` has written"
         )
     return Track(
-        read_track(path / TRACK),
-        read_json_record(OptimizationSummary, path / SUMMARY),
-        read_loss_curves(path / CURVES),
+        read_track(of / TRACK),
+        read_json_record(OptimizationSummary, of / SUMMARY),
+        read_loss_curves(of / CURVES),
     )
 
 
@@ -228,10 +232,21 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
     return replace(first, others=tuple(others))
 
 
+def _require_own(curves: LossCurves, contrast_model: Any, **given: Any) -> None:
+    """Refuse arguments that loss curves were made with already, and curves that cannot be."""
+    require_possible_curves(curves)
+    own = {"display": (None, curves.display), "min_factor": (0.2, float(curves.factors[0]))}
+    if names := ", ".join(name for name, value in given.items() if value not in own.get(name, (None,))):
+        raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
+    made_with = curves.provenance.inputs.get("contrast_model")
+    if made_with not in (None, sha256_of_record(load_contrast_model(contrast_model))):
+        raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
+
+
 def _of_curves(asked: _RequestInPython, known: LossCurves) -> _RequestInPython:
     """Return what is asked of loss curves; what they were made with cannot be asked again."""
     given = {name: getattr(asked, name) for name in ("display", "fps", "field_of_view", "min_factor")}
-    require_own(known, asked.contrast_model, **given)
+    _require_own(known, asked.contrast_model, **given)
     if asked.robust or asked.others:
         raise InputError("loss curves are of one video and one measure: leave out robust and others")
     if asked.actuator not in (Actuator.BACKLIGHT, "backlight", known.actuator, known.actuator.value):
@@ -243,7 +258,9 @@ def _of_curves(asked: _RequestInPython, known: LossCurves) -> _RequestInPython:
 def _checked_factors(factors: ArrayLike, curves: LossCurves) -> Array:
     """Return the factor of each frame, (N,), if the curves reach them."""
     try:
-        given = np.broadcast_to(np.asarray(factors, dtype=np.float64), (curves.n_frames,))
+        given = np.broadcast_to(numbers("factors", factors), (curves.n_frames,))
+    except InputError:
+        raise
     except ValueError:
         raise InputError(
             f"factors must be one number or one for each of the {curves.n_frames} frames"

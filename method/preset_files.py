@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import difflib
 import os
-from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
@@ -25,8 +24,8 @@ DEFAULT_DISPLAY = "varjo-xr3"  # where none is given and nothing carries one
 Record = TypeVar("Record")
 
 
-def load_display(name_or_path: str | PathLike[str]) -> Display:
-    """Return the display of a preset (`varjo-xr3`) or of a toml file.
+def load_display(named: str | PathLike[str] | Display) -> Display:
+    """Return the display of a preset (`varjo-xr3`) or of a toml file; a display itself as it is.
 
     Raises
     ------
@@ -36,11 +35,11 @@ def load_display(name_or_path: str | PathLike[str]) -> Display:
     >>> load_display("varjo-xr3").peak_luminance
     104.4
     """
-    return _load(name_or_path, "display", "toml", lambda path: read_toml_record(Display, path))
+    return _load(named, Display, "display", "toml")
 
 
 def display_for(
-    limit: RateLimit, given: str | PathLike[str] | None = None, curves: Path | None = None
+    limit: RateLimit, given: str | PathLike[str] | Display | None = None, curves: Path | None = None
 ) -> Display:
     """Return the display that is given; else that of loss curves or a rate limit, else `varjo-xr3`.
 
@@ -48,8 +47,8 @@ def display_for(
     ----------
     limit : RateLimit
         A limit of an earlier version carries none.
-    given : str or path, optional
-        A preset, or a toml file.
+    given : str, path or Display, optional
+        As in `load_display`.
     curves : Path, optional
         Loss curves of an earlier run, which count before the rate limit.
 
@@ -68,14 +67,14 @@ def display_for(
     return limit.display or load_display(DEFAULT_DISPLAY)
 
 
-def load_power_model(name_or_path: str | PathLike[str]) -> PowerModel:
+def load_power_model(named: str | PathLike[str] | PowerModel) -> PowerModel:
     """Return the power model of a preset (`surace2025`) or of a toml file; errors as `load_display`."""
-    return _load(name_or_path, "power", "toml", lambda path: read_toml_record(PowerModel, path))
+    return _load(named, PowerModel, "power", "toml")
 
 
-def load_rate_limit(name_or_path: str | PathLike[str]) -> RateLimit:
+def load_rate_limit(named: str | PathLike[str] | RateLimit) -> RateLimit:
     """Return the rate limit of a preset (`surace2025`) or of a json file; errors as `load_display`."""
-    return _load(name_or_path, "rate_limit", "json", lambda path: read_json_record(RateLimit, path))
+    return _load(named, RateLimit, "rate_limit", "json")
 
 
 def usable_limit(
@@ -106,15 +105,15 @@ def usable_limit(
     return limit
 
 
-def load_contrast_model(name_or_path: str) -> ContrastModel:
+def load_contrast_model(named: str | PathLike[str] | ContrastModel) -> ContrastModel:
     """Return the contrast model of a measure or preset (`default`, `as-printed`) or of a toml file.
 
     >>> load_contrast_model("relative") == load_contrast_model("default")
     True
     """
-    if name_or_path in MEASURES:
-        return MEASURES[name_or_path]
-    return _load(name_or_path, "contrast_model", "toml", lambda path: read_toml_record(ContrastModel, path))
+    if isinstance(named, str) and named in MEASURES:
+        return MEASURES[named]
+    return _load(named, ContrastModel, "contrast_model", "toml")
 
 
 def preset_names(kind: str) -> list[str]:
@@ -123,18 +122,19 @@ def preset_names(kind: str) -> list[str]:
     return sorted(files.union(MEASURES if kind == "contrast_model" else ()))
 
 
-def _load(
-    name_or_path: str | PathLike[str], kind: str, suffix: str, read: Callable[[Path], Record]
-) -> Record:
-    name_or_path, known = os.fspath(name_or_path), preset_names(kind)
-    if name_or_path in known:
-        return read(PRESETS / f"{name_or_path}.{kind}.{suffix}")
-    path = Path(name_or_path)
+def _load(named: Any, cls: type[Record], kind: str, suffix: str) -> Record:
+    if isinstance(named, cls):
+        return named
+    words = "power model" if kind == "power" else kind.replace("_", " ")
+    if not isinstance(named, str | PathLike):
+        argument, got = words.replace(" ", "_"), type(named).__name__
+        raise InputError(f"{argument} must be a preset's name, a path or a {cls.__name__}, got a {got}")
+    name, known = os.fspath(named), preset_names(kind)
+    path = PRESETS / f"{name}.{kind}.{suffix}" if name in known else Path(name)
     if not path.exists():
-        words = "power model" if kind == "power" else kind.replace("_", " ")
-        hint = difflib.get_close_matches(name_or_path, known, n=1)
+        hint = difflib.get_close_matches(name, known, n=1)
         guess = f"did you mean {hint[0]!r}? " if hint else ""
         raise InputError(
-            f"{name_or_path}: no such {words}; {guess}give a preset ({', '.join(known)}) or a {suffix} file"
+            f"{name}: no such {words}; {guess}give a preset ({', '.join(known)}) or a {suffix} file"
         )
-    return read(path)
+    return read_json_record(cls, path) if suffix == "json" else read_toml_record(cls, path)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
     from evenlight.data_schema.power_model import PowerModel
     from evenlight.data_schema.rate_limit import RateLimit
-    from evenlight.inputs import Frames
+    from evenlight.stimuli.video.frames_in_memory import Frames
     from evenlight.stimuli.video.video_source import VideoSource
 
     Kind = TypeVar("Kind")

@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from functools import partial
+from os import PathLike, fspath
 from pathlib import Path
 
+from evenlight.data_schema.arguments import number
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.checkerboard import Checkerboard
@@ -118,12 +120,12 @@ def _has_its_rate(name: str) -> bool:
     return path.exists() and not path.is_dir() and path.suffix != ".json"
 
 
-def open_video(name: str, fps: float | None = None) -> VideoSource:
+def open_video(name: str | PathLike[str], fps: float | None = None) -> VideoSource:
     """Return the video of a name: a file's path or URL, a folder's path, else a built-in sequence.
 
     Parameters
     ----------
-    name : str
+    name : str or path
         A path, a URL, or the name of a built-in sequence; a path wins over a name. A json file is a camera
         path.
     fps : float, optional
@@ -137,7 +139,11 @@ def open_video(name: str, fps: float | None = None) -> VideoSource:
     from evenlight.stimuli.video.image_folder import open_image_folder
     from evenlight.stimuli.video.video_file import open_video_file
 
-    name = local_name(name)
+    if not isinstance(name, str | PathLike):
+        raise InputError(f"video must be a path or a built-in sequence's name, got a {type(name).__name__}")
+    if fps is not None:
+        number("fps", fps)
+    name = local_name(fspath(name))
     if is_scene_file(name) and not is_url(name):
         return built_in_sequence(name)
     path = RemoteFile(name) if is_url(name) else Path(name)

@@ -9,10 +9,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from evenlight.analysis.tracks.dimming_options import Dimmed, option
+from evenlight.data_schema.arguments import number
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.option_panels import asked, expert, viewing
-from evenlight.stimuli.dimming_options import AimOptions, File
+from evenlight.stimuli.dimming_options import GAINS, AimOptions, File
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
@@ -48,25 +49,24 @@ class Steered(AimOptions):
 
     def settings(self, min_factor: float) -> ControllerSettings:
         """Return target, gains and bounds of the controller; refuse what does not go together."""
-        from evenlight.inputs import number
         from evenlight.method.online.controller import ControllerSettings
         from evenlight.method.online.governor import HORIZONS
         from evenlight.method.online.lookahead import LOOKAHEADS
 
-        gains = self.gains
         if self.target_loss is None and self.budget is None:
             target, budget = self.named("target_loss"), self.named("budget")
             raise InputError(f"give {target}, the contrast loss to hold, or {budget}, which it is to follow")
         bounds = {
             "target_loss": (0.0, 1.0),
             "start_factor": (min_factor, 1.0),
-            **dict.fromkeys(gains, (0.0, 1e6)),
+            **dict.fromkeys(GAINS, (0.0, 1e6)),
             "lookahead": LOOKAHEADS,
             "horizon": HORIZONS,
         }
         for name, ends in bounds.items():
             if (value := getattr(self, name)) is not None:
                 number(self.named(name), value, *ends)
+        gains = self.gains
         if self.lookahead is not None and gains:
             gain, lookahead = self.named(next(iter(gains))), self.named("lookahead")
             raise InputError(f"{gain} is for the PID controller; {lookahead} does without: leave one")
@@ -77,7 +77,7 @@ class Steered(AimOptions):
         from evenlight.method.optimizer.request import require_possible
 
         display = on.shown_on(curves)
-        budget, unit = self.budget, self.budget_unit or BudgetUnit.FACTOR
+        budget, unit = self.budget, BudgetUnit.FACTOR if self.budget_unit is None else self.budget_unit
         request = on.within(1.0 if budget is None else budget, unit, display)
         if budget is not None:
             require_possible(request, on.min_factor)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
+from evenlight.data_schema.arguments import choice, flag, number
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
@@ -79,9 +80,11 @@ class Dimmed(WithinLimit, OnDisplay):
 
     def check(self) -> None:
         """Refuse, in one line, what no video can be dimmed with."""
-        from evenlight.inputs import number
         from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 
+        for one in fields(self):
+            if isinstance(one.default, bool):
+                flag(self.named(one.name), getattr(self, one.name))
         number(self.named("min_factor"), self.min_factor, *MIN_FACTORS)
         if self.fps is not None:
             number(self.named("fps"), self.fps)
@@ -90,37 +93,33 @@ class Dimmed(WithinLimit, OnDisplay):
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, which has to be one that may be used on the display."""
-        from evenlight import inputs
         from evenlight.method.optimizer.request import Request
-        from evenlight.method.preset_files import usable_limit
+        from evenlight.method.preset_files import load_power_model, load_rate_limit, usable_limit
 
-        limit = inputs.rate_limit_of(self.rate_limit)
+        limit = load_rate_limit(self.rate_limit)
         return Request(
-            inputs.number("budget", budget),
-            inputs.choice("budget_unit", unit, BudgetUnit),
-            inputs.power_model_of(self.power_model),
+            number("budget", budget),
+            choice("budget_unit", unit, BudgetUnit),
+            load_power_model(self.power_model),
             usable_limit(limit, display, self.other_display_ok, self.accept_wide_band),
-            inputs.choice("limit_curve", self.limit_curve, LimitCurve),
+            choice("limit_curve", self.limit_curve, LimitCurve),
         )
 
     def shown_on(self, curves: File | None = None) -> Display:
         """Return the display; if none is given, that of loss curves, or of the rate limit."""
-        from evenlight import inputs
-        from evenlight.method.preset_files import display_for
+        from evenlight.method.preset_files import display_for, load_rate_limit
 
-        if self.display is not None:
-            return inputs.display_of(self.display)
-        return display_for(inputs.rate_limit_of(self.rate_limit), None, path_of(curves))
+        return display_for(load_rate_limit(self.rate_limit), self.display, path_of(curves))
 
     def model(self, robust: Sequence[str] = ()) -> tuple[ContrastModel, str]:
         """Return the contrast model and its name: the first of several measures, if there are to be any."""
-        from evenlight.inputs import contrast_model_of
         from evenlight.method.contrast.measures import measure_named
+        from evenlight.method.preset_files import load_contrast_model
 
         if robust:
             return measure_named(robust[0]), robust[0]
         name = fspath(self.contrast_model) if isinstance(self.contrast_model, str | PathLike) else "given"
-        return contrast_model_of(self.contrast_model), name
+        return load_contrast_model(self.contrast_model), name
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -158,23 +157,18 @@ class DimmedOn(Dimmed):
 
     def check(self) -> None:
         """Refuse, in one line, what no video can be dimmed with."""
-        from evenlight.inputs import number
-
         super().check()
         if self.battery_wh is not None:
             number(self.named("battery_wh"), self.battery_wh, *BATTERIES)
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, for frames or white screens, and for a battery."""
-        from evenlight.inputs import choice
-
         modulated = choice("modulated", self.modulated, ModulatedLuminance)
         return replace(super().within(budget, unit, display), modulated=modulated, battery=self.battery_wh)
 
     def job(self, source: VideoSource, display: Display, request: Request) -> OptimizationJob:
         """Return the job for a video."""
         from evenlight.analysis.tracks.optimization_job import OptimizationJob
-        from evenlight.inputs import choice
 
         return OptimizationJob(
             source,

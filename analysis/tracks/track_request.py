@@ -6,7 +6,8 @@ and a key of `request.toml`. Nothing here is slow to import.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.analysis.tracks.dimming_options import DimmedOn, option, path_of
+from evenlight.data_schema.arguments import choice, number, path, whole
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import (
@@ -95,8 +97,6 @@ class WantedOfAll(DimmedOn, Wanted):
     def check(self) -> None:
         """Refuse, in one line, what no video can be dimmed with."""
         super().check()
-        from evenlight.inputs import number
-
         number(self.named("calm"), self.calm, 0.0, 1.0)
         if self.level_weight is not None:
             number(self.named("level_weight"), self.level_weight)
@@ -115,8 +115,6 @@ class Analysed:
 
     def check_analysis(self, named: Callable[[str], str] = option) -> None:
         """Refuse, in one line, how no video can be analysed."""
-        from evenlight.inputs import choice, whole
-
         usual = whole(named("jobs"), self.jobs) == 1 and choice("device", self.device, Device) is Device.CPU
         if self.curves is not None and not usual:
             jobs, device, curves = map(named, ("jobs", "device", "curves"))
@@ -193,8 +191,6 @@ class TrackRequest(Analysed, WantedOfAll):
 
     def check(self) -> None:
         """Refuse, in one line, what is out of its range, what is not there, what does not go together."""
-        from evenlight.inputs import choice, whole
-
         super().check()
         self.check_analysis(self.named)
         self._check_kinds()
@@ -203,7 +199,7 @@ class TrackRequest(Analysed, WantedOfAll):
             "others": self.others,
             "device": choice("device", self.device, Device) is not Device.CPU,
             "start": self.start,
-            "contrast_model": self.contrast_model != "default",
+            "contrast_model": not isinstance(self.contrast_model, str) or self.contrast_model != "default",
             "objective": choice("objective", self.objective, ObjectiveName) is not ObjectiveName.SPREAD,
         }
         refused = [self.named(name) for name, is_given in given.items() if is_given]
@@ -213,23 +209,20 @@ class TrackRequest(Analysed, WantedOfAll):
             )
         whole(self.named("seed"), self.seed)
         for name, expected in EXPECTED_FILES.items():
-            path = getattr(self, name)
-            if path is not None and not Path(path).exists():
-                raise InputError(f"{self.named(name)} {path}: no such file; give {expected}")
+            file = getattr(self, name)
+            if file is not None and not Path(file).exists():
+                raise InputError(f"{self.named(name)} {file}: no such file; give {expected}")
         solver = choice("solver", self.solver, SolverName)
         if self.start is not None and solver is not SolverName.SPLITTING:
             start, splitting = self.named("start"), self.named("solver") + " splitting"
             raise InputError(f"{start} is for {splitting}; {solver.value} starts on its own")
 
     def _check_kinds(self) -> None:
-        """Refuse what only a program can give: flags that are none, files that are no names, one video."""
-        for one in fields(self):
-            value, name = getattr(self, one.name), self.named(one.name)
-            if isinstance(one.default, bool) and not isinstance(value, bool):
-                raise InputError(f"{name} must be true or false, got {value!r}")
-            if one.name in ("curves", *EXPECTED_FILES) and not isinstance(value, str | PathLike | None):
-                raise InputError(f"{name} must be a path, got a {type(value).__name__}")
-        if isinstance(self.others, str | PathLike):
+        """Refuse what only a program can give: files that are no names, one video for several."""
+        for name in ("curves", *EXPECTED_FILES):
+            if (value := getattr(self, name)) is not None:
+                path(self.named(name), value)
+        if isinstance(self.others, str | PathLike) or not isinstance(self.others, Sequence | None):
             raise InputError(f"{self.named('others')} must be a list of videos, got {self.others!r}")
 
     @property
@@ -254,7 +247,6 @@ class TrackRequest(Analysed, WantedOfAll):
             If one cannot be used, or no video could meet the budget.
         """
         from evenlight.data_schema.tracks.brightness_track import read_sections
-        from evenlight.inputs import choice
         from evenlight.method.optimizer.objective import objective_named
         from evenlight.method.optimizer.request import require_possible
 
@@ -271,7 +263,7 @@ class TrackRequest(Analysed, WantedOfAll):
 
     def job(self, source: VideoSource, display: Display, request: Request) -> OptimizationJob:
         """Return the job for a video; `display` and `request` are what `posed` has returned."""
-        from evenlight.inputs import choice, video_of
+        from evenlight.stimuli.video.frames_in_memory import video_of
 
         model, name = self.model(self.robust_measures)
         return replace(

@@ -26,8 +26,8 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.tracks.judgement import Judgement
-from evenlight.inputs import FramesInMemory
 from evenlight.method.contrast.measures import COUNTED, MEASURES
+from evenlight.stimuli.video.frames_in_memory import FramesInMemory
 
 LAB = Display("lab", 100.0, 1.0, 2.0, pixels_per_degree=20.0, reflected_luminance=3.0)
 ORIGIN = provenance_now()

@@ -130,7 +130,7 @@ def test_json_of_another_kind_is_refused(content: str, got: str, tmp_path: Path)
         ({"provenance": "me"}, ": provenance: expected the keys of a Provenance, got 'me'"),
         ({"provenance": {"seed": 1.5}}, ": provenance: seed: expected a whole number or null, got 1.5"),
         ({"provenance": {"inputs": [1]}}, "inputs: expected a table of names and values, got a list"),
-        ({"provenance": {"inputs": {"a": 1}}}, "inputs: expected text, got 1"),
+        ({"provenance": {"inputs": {"a": 1}}}, "inputs: a: expected text, got 1"),
         ({"coeficients": [1.0]}, ": unknown key 'coeficients'; did you mean 'coefficients'?"),
         ({"zzz": 1}, ": unknown key 'zzz'; known are name, display_name"),
     ],

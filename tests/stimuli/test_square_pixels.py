@@ -11,8 +11,8 @@ from av.video.frame import VideoFrame
 
 import evenlight
 from evenlight.data_schema.errors import InputError
-from evenlight.inputs import video_of
 from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.frames_in_memory import video_of
 from evenlight.stimuli.video.square_pixels import pixel_aspect
 from evenlight.stimuli.video.video_source import size_of
 from evenlight.stimuli.video.video_writer import write_video

@@ -1,0 +1,82 @@
+"""What a caller's argument, or a command's option, must be: a number, a choice, a path; said by its name."""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable
+from numbers import Integral, Real
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.quantities import require_computable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+Choice = TypeVar("Choice", bound=enum.Enum)
+
+
+def choice(name: str, value: Any, of: type[Choice]) -> Choice:
+    """Return the member of an enum that an argument names."""
+    try:
+        return of(value)
+    except ValueError:
+        raise InputError(must_be_one_of(name, value, [member.value for member in of])) from None
+
+
+def must_be_one_of(name: str, value: Any, known: Iterable[object]) -> str:
+    """Return what is said of an argument that is none of some words."""
+    return f"{name} must be one of {', '.join(map(str, known)) or 'none'}, got {value!r}"
+
+
+def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
+    """Return the number that an argument holds, if it lies within its limits."""
+    if isinstance(value, int):
+        require_computable(name, value)
+    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
+        raise InputError(f"{name} must be a number, got {value!r}")
+    if not low <= float(value) <= high:
+        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {float(value):.15g}")
+    return float(value)
+
+
+def positive(name: str, value: Any) -> float:
+    """Return the number that an argument holds, if it is finite and above 0."""
+    if not 0 < number(name, value) < math.inf:
+        raise InputError(f"{name} must be above 0, got {value!r}")
+    return float(value)
+
+
+def whole(name: str, value: Any) -> int:
+    """Return the whole number that an argument holds, if it is not below 0."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
+        raise InputError(f"{name} must be a whole number from 0 on, got {value!r}")
+    require_computable(name, int(value))
+    return int(value)
+
+
+def flag(name: str, value: Any) -> bool:
+    """Return the flag that an argument holds."""
+    if not isinstance(value, bool):
+        raise InputError(f"{name} must be true or false, got {value!r}")
+    return value
+
+
+def path(name: str, value: Any) -> Path:
+    """Return the path that an argument holds."""
+    if not isinstance(value, str | PathLike):
+        raise InputError(f"{name} must be a path, got a {type(value).__name__}")
+    return Path(value)
+
+
+def numbers(name: str, value: Any) -> NDArray[Any]:
+    """Return the numbers that an argument holds, as an array of their shape."""
+    import numpy as np
+
+    try:
+        return np.asarray(value, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{name} must be numbers, got {value!r}") from None
