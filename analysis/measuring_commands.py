@@ -1,4 +1,4 @@
-"""The commands that measure, and analyse what they measured: `run`, `play` and `measure saving`."""
+"""The commands that measure, and analyse what they measured: `run`, `measure played` and `measure saving`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from evenlight.experiments import play_command, run_command
+from evenlight.experiments import run_command
+from evenlight.experiments.playback.play_options import FilmOptions, PowerOptions, with_options
 from evenlight.option_panels import asked, expert, instruments, output
 
 A_DAY = 86_400.0  # [s]
@@ -25,16 +26,18 @@ def run(**asked: Any) -> None:
         _tell(fit_sweep(folder, folder), quiet=asked["quiet"])
 
 
-@functools.wraps(play_command.play)
-def play(**asked: Any) -> None:
-    """Play a video or a walk; the results of measured power go into its folder."""
-    folder = play_command.play(**asked)
-    if folder is not None:
-        from evenlight.analysis.played_power.power_report import write_power_results
-        from evenlight.method.preset_files import load_power_model
+def _played(film: FilmOptions, power: PowerOptions) -> None:
+    """Measure the panel's power while a video is played in turn by its track, constantly, and undimmed."""
+    from evenlight.analysis.played_power.power_report import write_power_results
+    from evenlight.experiments.playback.measured_play import measure_power
+    from evenlight.method.preset_files import load_power_model
 
-        model = load_power_model(asked["power_model"]) if asked["power_model"] else None
-        _tell(write_power_results(folder, folder, model), quiet=asked["quiet"])
+    folder = measure_power(film, power)
+    model = load_power_model(power.power_model) if power.power_model else None
+    _tell(write_power_results(folder, folder, model), quiet=film.quiet)
+
+
+played = with_options(_played, FilmOptions, PowerOptions)
 
 
 def _tell(lines: Sequence[str], *, quiet: bool) -> None:

@@ -179,20 +179,20 @@ KINDS = (
     RecordKind(LuminanceLevel, _CSV, "luminance_levels.csv brightness.csv", "`evenlight fit`"),
     RecordKind(DisplayFit, _JSON, "display_fit.json", "`evenlight fit`"),
     RecordKind(PowerFit, _JSON, "power_fit.json", "`evenlight fit`"),
-    RecordKind(PowerLog, _JSON, "power_log.json", "`evenlight play --measure-power`"),
+    RecordKind(PowerLog, _JSON, "power_log.json", "`evenlight measure played`"),
     RecordKind(
         PowerSample,
         _CSV,
         "power.csv",
-        "`evenlight play --measure-power`, `evenlight measure power` and `saving`",
+        "`evenlight measure played`, `evenlight measure power` and `saving`",
     ),
     RecordKind(MeterReading, _CSV, "luminance.csv", "`evenlight measure luminance`"),
-    RecordKind(ClockPing, _CSV, "clock.csv", "`evenlight play --measure-power`"),
-    RecordKind(PlayedFlip, _CSV, "flips.csv", "`evenlight play --measure-power`"),
-    RecordKind(FlashMark, _CSV, "flashes.csv", "`evenlight play --measure-power`"),
-    RecordKind(BacklightSetting, _CSV, "backlight.csv", "`evenlight play --measure-power`"),
-    RecordKind(FrameEnergy, _CSV, "frame_energy.csv", "`evenlight play --measure-power`"),
-    RecordKind(PlayedPower, _JSON, "played_power.json", "`evenlight play --measure-power`"),
+    RecordKind(ClockPing, _CSV, "clock.csv", "`evenlight measure played`"),
+    RecordKind(PlayedFlip, _CSV, "flips.csv", "`evenlight measure played`"),
+    RecordKind(FlashMark, _CSV, "flashes.csv", "`evenlight measure played`"),
+    RecordKind(BacklightSetting, _CSV, "backlight.csv", "`evenlight measure played`"),
+    RecordKind(FrameEnergy, _CSV, "frame_energy.csv", "`evenlight measure played`"),
+    RecordKind(PlayedPower, _JSON, "played_power.json", "`evenlight measure played`"),
     RecordKind(DevicePass, _CSV, "passes.csv", "`evenlight measure saving`"),
     RecordKind(DeviceSaving, _JSON, "saving.json", "`evenlight measure saving`"),
     RecordKind(Statistic, _CSV, "*_statistics.csv", "`evenlight analyze`, `evenlight reproduce`"),
@@ -214,11 +214,9 @@ KINDS = (
         "someone who knows the video",
     ),
     RecordKind(Judgement, _JSON, "judgement.json", "`evenlight judge`"),
+    RecordKind(LiveRefresh, _CSV, "live_control.csv", "`evenlight walk` with `--target-loss` or `--budget`"),
     RecordKind(
-        LiveRefresh, _CSV, "live_control.csv", "`evenlight play --walk` with `--target-loss` or `--budget`"
-    ),
-    RecordKind(
-        LiveControl, _JSON, "live_control.json", "`evenlight play --walk` with `--target-loss` or `--budget`"
+        LiveControl, _JSON, "live_control.json", "`evenlight walk` with `--target-loss` or `--budget`"
     ),
 )
 KIND_OF: dict[type[Any], RecordKind] = {kind.record: kind for kind in KINDS}

@@ -35,7 +35,7 @@ from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.quantities import require_computable
 from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
-from evenlight.experiments import new_command, watch_command
+from evenlight.experiments import new_command, play_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
@@ -146,7 +146,8 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
         "catalogue": recorded("catalogue", catalogue_command.catalogue),
         "control": recorded("control", control_command.control),
         "judge": recorded("judge", judge_command.judge),
-        "play": measuring_commands.play,
+        "play": play_command.play,
+        "walk": play_command.walk,
         "apply": apply_command.apply,
         "follow": follow_command.follow_command,
         "track": track_command.track,
@@ -172,6 +173,7 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
     },
 }
 measure_command.measure.command()(measuring_commands.saving)
+measure_command.measure.command("played")(measuring_commands.played)
 for panel, commands in COMMANDS.items():
     for name, mounted in commands.items():
         if isinstance(mounted, typer.Typer):
@@ -209,7 +211,7 @@ def main(arguments: list[str] | None = None) -> None:
     except InstrumentError as error:
         _end(str(error), 1)
     except UsageError as error:
-        _end(_usage(error), 2)
+        _end(_usage(error, given), 2)
     except _Terminated:
         _end("terminated; nothing half-written is left", TERMINATED)
     except (typer.Abort, KeyboardInterrupt):
@@ -263,18 +265,23 @@ def _termination_raised() -> Iterator[None]:
             signal.signal(end, handler or signal.SIG_DFL)
 
 
-def _usage(error: typer.BadParameter) -> str:
+def _usage(error: typer.BadParameter, given: Sequence[str]) -> str:
     """Return what is wrong with the command line, and where its help is."""
     where = error.ctx.command_path if error.ctx else "evenlight"
     said = error.format_message().replace("Value error, ", "").rstrip(".")
     wrong = getattr(error, "option_name", "").strip("-").replace("-", "_")
     if right := RIGHT_NAMES.get(wrong):
         said = f"{said.partition(' (')[0]}: it is called --{right.replace('_', '-')}"
-    elif why := GONE.get(wrong):
+    elif wrong and (why := next((GONE[name] for name in (wrong, *_option_names(given)) if name in GONE), "")):
         said = f"{said.partition(' (')[0]}: {why}"
     elif possible := getattr(error, "possibilities", None):  # options that look like it
         said = f"{said.partition(' (')[0]}. Did you mean {' or '.join(possible)}?"
     return f"{said}{' See' if said.endswith('?') else '; see'} {where} --help"
+
+
+def _option_names(given: Sequence[str]) -> list[str]:
+    """Return the names of the options on a command line."""
+    return [word.partition("=")[0][2:].replace("-", "_") for word in given if word.startswith("--")]
 
 
 def _system_error(error: OSError) -> str:

@@ -47,7 +47,7 @@ def write_power_results(folder: Path, out: Path, power_model: PowerModel | None 
     Parameters
     ----------
     folder, out : Path
-        The recording, as `evenlight play --measure-power` writes it, and where to; it may be the same.
+        The recording, as `evenlight measure played` writes it, and where to; it may be the same.
     power_model : PowerModel, optional
         Whose prediction is shown beside what was measured.
 

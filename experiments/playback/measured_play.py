@@ -42,9 +42,9 @@ from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import recording_folder
 from evenlight.experiments.calibration_age import require_young, utc_now
 from evenlight.experiments.playback.play_options import (
+    FilmOptions,
     HeadsetOptions,
     PowerOptions,
-    ScreenOptions,
     interrupted,
 )
 from evenlight.experiments.playback.play_video import video_request
@@ -67,7 +67,7 @@ from evenlight.method.preset_files import load_power_model
 if TYPE_CHECKING:
     import moderngl
 
-DEFAULT_PASSES = 3
+
 SEED = 1  # of a simulated meter's noise
 WITH_SYNC = {"board", "ppk2", "simulated"}  # power meters with a synchronisation input
 PATCH = PhotodiodePatch(Corner.BOTTOM_LEFT)
@@ -90,7 +90,7 @@ class PowerMeasurement:
     shown: str = ""  # what the window shows of the video
 
 
-def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
+def measure_power(film: FilmOptions, options: PowerOptions) -> Path:
     """Play a video in every version in turn and record the power; return the folder of the samples.
 
     Raises
@@ -100,34 +100,32 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
     InstrumentError
         If the meter fails; what came before is in the folder.
     """
-    asked = video_request(screen, HeadsetOptions())
+    asked = video_request(film, HeadsetOptions())
     rig = asked.rig
     if rig.in_headset:
-        raise InputError(
-            "--measure-power measures a panel, and a headset's is out of reach: give another --rig"
-        )
+        raise InputError("power is measured of a panel, and a headset's is out of reach: give another --rig")
     require_power_meter(rig, sync_patch=options.sync_patch)
-    if screen.power_model is not None:
-        model = load_power_model(screen.power_model)  # a slip is told before anything is played
-        if not screen.simulate:
-            require_young(model, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
-    if not screen.quiet and (note := floor_note(asked.loaded.track, rig)):
+    if options.power_model is not None:
+        model = load_power_model(options.power_model)  # a slip is told before anything is played
+        if not film.simulate:
+            require_young(model, rig.calibration_age_limit, accepted=film.old_calibration_ok)
+    if not film.quiet and (note := floor_note(asked.loaded.track, rig)):
         typer.echo(note)
-    folder = require_output(screen.out)
+    folder = require_output(options.out)
     measurement = PowerMeasurement(
         folder=folder,
         sample_rate=options.sample_rate_hz,
         sync_patch=options.sync_patch,
         track_sha256=asked.loaded.sha256,
-        simulated=screen.simulate,
+        simulated=film.simulate,
     )
-    order = measured_order(options.passes or DEFAULT_PASSES)
+    order = measured_order(options.passes)
     playback = asked.playback([dimming.value for dimming in order])
     turns = itertools.count(1)
 
     def say(words: str) -> None:
         turn = next(turns)
-        if not screen.quiet:
+        if not film.quiet:
             typer.echo(f"measuring {words}, {turn} of {len(order)}")
 
     try:
@@ -136,10 +134,10 @@ def measure_power(screen: ScreenOptions, options: PowerOptions) -> Path:
             if rig.backlight != "none":
                 settings = stack.enter_context(AppendedRows(folder / BACKLIGHT_SETTINGS, BacklightSetting))
             noted = None if settings is None else lambda setting: settings.append([setting], to_disk=False)
-            opened = open_devices(rig, asked.display, simulated=screen.simulate, any_rate=False, noted=noted)
+            opened = open_devices(rig, asked.display, simulated=film.simulate, any_rate=False, noted=noted)
             devices = stack.enter_context(opened)
             measurement = dataclasses.replace(measurement, shown=asked.shown_on(devices))
-            if not screen.quiet:
+            if not film.quiet:
                 typer.echo(measurement.shown)
             whole = play_measured(devices, Player(devices, playback, say), playback, measurement)
     except BaseException as error:
@@ -156,7 +154,7 @@ def require_power_meter(rig: Rig, *, sync_patch: bool) -> None:
     """Refuse a rig without a power meter, and a mark for a meter that cannot see it."""
     if rig.power_meter == "none":
         raise InputError(
-            f"the rig {rig.name!r} names no power meter, and --measure-power needs one: add `power_meter`, "
+            f"the rig {rig.name!r} names no power meter: add `power_meter`, "
             "as `evenlight measure list` has them, to the file of --rig (`evenlight new rig desk.rig.toml` "
             "writes one)"
         )
@@ -176,10 +174,8 @@ def _has_sync(power_meter: str) -> bool:
     return bool(WITH_SYNC & set(power_meter.split(":")[: 2 if is_simulated(power_meter) else 1][-1:]))
 
 
-def require_output(folder: Path | None) -> Path:
+def require_output(folder: Path) -> Path:
     """Return the folder of a measurement; refuse one with other things in it."""
-    if folder is None:
-        raise InputError("--measure-power needs --out: a new folder for samples, table, figure and report")
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
         raise InputError(
             f"{folder}: holds something already, and measurements are never overwritten; give a new folder "

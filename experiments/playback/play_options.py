@@ -1,4 +1,4 @@
-"""The options of `evenlight play`, in a record for each of its jobs; the command line is made from them.
+"""The options of `play`, `walk` and `measure played`; the command line is made from them.
 
 A field is an option: its name, type, default and help are those of the command line.
 """
@@ -20,22 +20,21 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import Device
-from evenlight.option_panels import expert, output, viewing
+from evenlight.option_panels import asked, expert, output, viewing
 from evenlight.stimuli.dimming_options import (
     AimOptions,
     Member,
     OnDisplay,
+    TrackArgument,
+    VideoArgument,
     WithinLimit,
     device_option,
 )
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 Returned = TypeVar("Returned")
-_video = functools.partial(typer.Option, rich_help_panel="A video with its track")
-_power = functools.partial(typer.Option, rich_help_panel="Measured power, with --measure-power")
-_walk = functools.partial(typer.Option, rich_help_panel="A walk through a scene, with --walk")
 _headset = functools.partial(typer.Option, rich_help_panel="In a headset")
-LIVE_PANEL = "A walk dimmed live, with --target-loss or --budget"
+LIVE_PANEL = "Dimmed live, with --target-loss or --budget"
 _live = functools.partial(typer.Option, rich_help_panel=LIVE_PANEL)
 
 
@@ -58,32 +57,15 @@ class Projection(enum.Enum):
 
 @dataclass(frozen=True, kw_only=True)
 class ScreenOptions(OnDisplay):
-    """What is shown, on what; what several jobs share."""
+    """What is shown on, and how it is rehearsed."""
 
-    video: Annotated[
-        str,
-        typer.Argument(
-            help="The video: a file, a folder of images, or a built-in sequence. With --walk a scene: house "
-            "or school."
-        ),
-    ]
-    track: Annotated[
-        Path | None,
-        typer.Argument(
-            help="Its track: the folder that `evenlight optimize` wrote, or track.csv. Not with --walk."
-        ),
-    ] = None
     rig: Annotated[
         str | None,
         viewing(
             help="The rig, a file that describes screen and display (desk.rig.toml). Otherwise a window as "
-            "large as the video."
+            "large as the picture."
         ),
     ] = None
-    other_geometry_ok: Annotated[
-        bool,
-        expert("--other-geometry-ok", help="Accept a track made for another visual angle of the video."),
-    ] = False
     size: Annotated[
         str | None,
         viewing(metavar="WxH", help="Size of a built-in sequence or scene in pixels, such as 640x360."),
@@ -94,39 +76,43 @@ class ScreenOptions(OnDisplay):
     simulate: Annotated[
         bool, expert("--simulate", help="Rehearse, as fast as it goes: the clock counts the refreshes.")
     ] = False
-    power_model: Annotated[
-        str | None, _power(help="Power model to compare with; with --walk --budget the model that counts.")
-    ] = None
-    out: Annotated[
-        Path | None,
-        output(help="Folder for measured power, or for how a walk was dimmed: tables and report."),
-    ] = None
+    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is shown.")] = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class FilmOptions(ScreenOptions):
+    """A video with its track."""
+
+    video: VideoArgument
+    track: TrackArgument
+    other_geometry_ok: Annotated[
+        bool,
+        expert("--other-geometry-ok", help="Accept a track made for another visual angle of the video."),
+    ] = False
     old_calibration_ok: Annotated[
         bool,
         expert(
             "--old-calibration-ok", help="Accept a display that was measured longer ago than the rig allows."
         ),
     ] = False
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is shown.")] = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class VideoOptions:
-    """A video with its track."""
+class VersionOptions:
+    """In which versions a video is played."""
 
     version: Annotated[
         PlayedVersion | None,
-        _video(
+        asked(
             help="What is played first: dimmed by the track, constantly at equal power, both in turn, or "
             "undimmed.",
             show_default="ours",
         ),
     ] = None
-    loop: Annotated[bool, _video("--loop", help="Repeat until Esc is pressed.")] = False
-    label: Annotated[bool, _video("--label", help="Write on the picture how it is dimmed.")] = False
+    loop: Annotated[bool, asked("--loop", help="Repeat until Esc is pressed.")] = False
+    label: Annotated[bool, asked("--label", help="Write on the picture how it is dimmed.")] = False
     log: Annotated[
-        Path | None,
-        expert(help="Table of every frame's time and factor, and drops (walks too): .csv or .jsonl."),
+        Path | None, expert(help="Table of every frame's time and factor, and drops: .csv or .jsonl.")
     ] = None
 
 
@@ -160,15 +146,10 @@ class HeadsetOptions:
 class PowerOptions:
     """A video in all its versions, with the panel's power measured."""
 
-    measure_power: Annotated[
-        bool,
-        _power(
-            "--measure-power",
-            help="Measure the panel's power while ours, baseline and full are played in turn.",
-        ),
-    ] = False
-    passes: Annotated[
-        int | None, expert(help="How often each version is played.", min=1, show_default="3")
+    out: Annotated[Path, output(help="New folder for samples, table, figure and report.")]
+    passes: Annotated[int, asked(help="How often each version is played.", min=1)] = 3
+    power_model: Annotated[
+        str | None, asked(help="Power model to compare with: a preset or a toml file.")
     ] = None
     sample_rate_hz: Annotated[
         float | None,
@@ -185,30 +166,29 @@ class PowerOptions:
     ] = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class WalkOptions:
+@dataclass(frozen=True, kw_only=True)
+class WalkOptions(ScreenOptions):
     """A walk through a scene."""
 
-    walk: Annotated[
-        bool,
-        _walk(
-            "--walk", help="Walk in a scene, house or school. Keys: W, A, S, D, arrows, mouse; shift: faster."
-        ),
-    ] = False
+    scene: Annotated[str, typer.Argument(help="The scene: house or school.")]
     factor: Annotated[
         float | None,
-        _walk(metavar="FACTOR", help="Brightness factor to begin with.", show_default="1, or by --budget"),
+        asked(metavar="FACTOR", help="Brightness factor to begin with.", show_default="1, or by --budget"),
     ] = None
-    record: Annotated[
-        Path | None, expert(help="File (.json) for the way walked: a path for `evenlight render`.")
-    ] = None
-    seconds: Annotated[float | None, _walk(help="End the walk after this time.")] = None
+    seconds: Annotated[float | None, asked(help="End the walk after this time.")] = None
     field_of_view: Annotated[
         float | None,
-        _walk(
+        viewing(
             help="Visual angle that the width of the window spans, as in a headset. Otherwise what it spans "
             "at true size, or 90 without a rig or display."
         ),
+    ] = None
+    out: Annotated[Path | None, output(help="Folder for how the walk was dimmed: tables.")] = None
+    record: Annotated[
+        Path | None, expert(help="File (.json) for the way walked: a path for `evenlight render`.")
+    ] = None
+    log: Annotated[
+        Path | None, expert(help="Table of every frame's time and factor, and drops: .csv or .jsonl.")
     ] = None
 
 
@@ -217,6 +197,10 @@ class LiveOptions(WithinLimit, AimOptions):
     """The online controller that dims a walk."""
 
     PANEL = LIVE_PANEL  # of what it aims at, too
+    power_model: Annotated[
+        str | None,
+        _live(help="Power model of a budget in power or watt.", show_default="surace2025"),
+    ] = None
     device: Annotated[Member[Device], device_option] = Device.AUTO
 
     @property
@@ -246,7 +230,7 @@ def refuse(because: str, options: object, *names: str) -> None:
     declared = options.__dataclass_fields__  # type: ignore[attr-defined] # of any dataclass
     for name in names or declared:
         if getattr(options, name) != declared[name].default:
-            raise InputError(because.format("TRACK" if name == "track" else f"--{name.replace('_', '-')}"))
+            raise InputError(because.format(f"--{name.replace('_', '-')}"))
 
 
 def _in_panel(kind: Any, group: type[Any], name: str) -> Any:

@@ -21,10 +21,10 @@ from evenlight.data_schema.tracks.loaded_track import LoadedTrack, frame_duratio
 from evenlight.experiments.calibration_age import require_young
 from evenlight.experiments.playback.headset_picture import require_as_analysed, seen_in_headset, words_of
 from evenlight.experiments.playback.play_options import (
+    FilmOptions,
     HeadsetOptions,
     PlayedVersion,
-    ScreenOptions,
-    VideoOptions,
+    VersionOptions,
     refuse,
 )
 from evenlight.experiments.playback.player import (
@@ -54,7 +54,7 @@ SMALLEST_WINDOW = 64  # [pixels]
 FREE_RUNNING = 1.1  # times as many refreshes as the display makes
 
 
-def play_video(screen: ScreenOptions, options: VideoOptions, headset: HeadsetOptions) -> None:
+def play_video(film: FilmOptions, options: VersionOptions, headset: HeadsetOptions) -> None:
     """Play a video with its track, and say how it went; whatever ends it, the log is written.
 
     Raises
@@ -62,28 +62,28 @@ def play_video(screen: ScreenOptions, options: VideoOptions, headset: HeadsetOpt
     InputError
         If video, track and display do not go together, or an option cannot be.
     """
-    if options.loop and screen.simulate:
+    if options.loop and film.simulate:
         raise InputError("--loop goes on until someone presses escape, and with --simulate no one does")
     if options.log is not None:
         require_log_file(options.log)
-    asked = video_request(screen, headset)
+    asked = video_request(film, headset)
     version = options.version or PlayedVersion.OURS
-    if not screen.quiet and version in (PlayedVersion.BASELINE, PlayedVersion.BOTH):
+    if not film.quiet and version in (PlayedVersion.BASELINE, PlayedVersion.BOTH):
         typer.echo(
             f"baseline: constant factor {asked.loaded.baseline:.4g}, {asked.loaded.source_of_baseline}"
         )
     versions = ("ours", "baseline") if version is PlayedVersion.BOTH else (version.value,)
-    if not screen.quiet and (note := floor_note(asked.loaded.track, asked.rig)):
+    if not film.quiet and (note := floor_note(asked.loaded.track, asked.rig)):
         typer.echo(note)
     playback = replace(asked.playback(versions), loop=options.loop, captions=options.label)
 
     def say(words: str) -> None:
-        if not screen.quiet:
+        if not film.quiet:
             typer.echo(f"showing {words}")
 
-    any_rate = screen.rig is None
-    with open_devices(asked.rig, asked.display, simulated=screen.simulate, any_rate=any_rate) as devices:
-        if not screen.quiet:
+    any_rate = film.rig is None
+    with open_devices(asked.rig, asked.display, simulated=film.simulate, any_rate=any_rate) as devices:
+        if not film.quiet:
             typer.echo(asked.shown_on(devices))
         player = Player(devices, playback, say)
         try:
@@ -91,7 +91,7 @@ def play_video(screen: ScreenOptions, options: VideoOptions, headset: HeadsetOpt
         finally:
             if options.log is not None and player.passes:
                 write_log(options.log, player.passes, devices.rig.refresh_rate, asked.density_on(devices))
-    if not screen.quiet:
+    if not film.quiet:
         for one in player.passes:
             typer.echo(_pass_summary(one, playback, devices.rig.refresh_rate))
         if not whole:
@@ -145,40 +145,38 @@ class VideoRequest:
         )
 
 
-def video_request(screen: ScreenOptions, headset: HeadsetOptions) -> VideoRequest:
+def video_request(film: FilmOptions, headset: HeadsetOptions) -> VideoRequest:
     """Return what some options ask for; refuse what does not go together.
 
     Raises
     ------
     InputError
-        If there is no track, it is not the video's or the display's or was made for another angle, or the
+        If the track is not the video's or the display's or was made for another angle, or the
         calibration is too old.
     """
-    if screen.track is None:
-        raise InputError("play needs a TRACK: the folder that `evenlight optimize` wrote, or its track.csv")
-    loaded = load_track(screen.track)
-    video, pixels = video_of(screen.video, loaded.track, screen.size)
+    loaded = load_track(film.track)
+    video, pixels = video_of(film.video, loaded.track, film.size)
     require_fit(video, loaded.track)
-    rig, display = rig_of(screen.rig, screen.display_name, lambda: display_of(loaded.track), pixels)
-    if not screen.other_display_ok:
+    rig, display = rig_of(film.rig, film.display_name, lambda: display_of(loaded.track), pixels)
+    if not film.other_display_ok:
         otherwise = ", or play this one all the same with --other-display-ok"
         require_display_of(loaded.track.header, display, rig.display, otherwise)
-        require_light_of(loaded.track, display, track_file(screen.track))
-    if screen.rig is not None and not screen.simulate:
-        require_young(display, rig.calibration_age_limit, accepted=screen.old_calibration_ok)
+        require_light_of(loaded.track, display, track_file(film.track))
+    if film.rig is not None and not film.simulate:
+        require_young(display, rig.calibration_age_limit, accepted=film.old_calibration_ok)
     otherwise = ", or accept that with --other-geometry-ok"
     if rig.in_headset:
         seen, surface = seen_in_headset(video, pixels, display, loaded.track.header, headset)
-        if not screen.other_geometry_ok:
+        if not film.other_geometry_ok:
             require_as_analysed(seen, surface, otherwise)
-        return VideoRequest(video, loaded, rig, display, screen.screenshots, seen, surface)
+        return VideoRequest(video, loaded, rig, display, film.screenshots, seen, surface)
     refuse("{} is for a headset: give it with a --rig whose screen is one, or leave it out", headset)
     geometry = None
-    if screen.rig is not None or screen.display is not None:
+    if film.rig is not None or film.display is not None:
         geometry = ScreenGeometry.of(video, pixels, display, loaded.track.header)
-        if not screen.other_geometry_ok:
+        if not film.other_geometry_ok:
             geometry.require_as_analysed(otherwise)
-    return VideoRequest(video, loaded, rig, display, screen.screenshots, geometry)
+    return VideoRequest(video, loaded, rig, display, film.screenshots, geometry)
 
 
 def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[VideoSource, tuple[int, int]]:
@@ -213,7 +211,7 @@ def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[Video
 def rig_of(
     name: str | None, display: str | None, otherwise: Callable[[], Display], size: tuple[int, int]
 ) -> tuple[Rig, Display]:
-    """Return a rig, naming its display as from here, and that; without, a window on the first screen.
+    """Return a rig, naming its display as from here, and that; without, a window on the first film.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""What `evenlight play SCENE --walk` is asked for, and what comes of it: the walk and its log."""
+"""What `evenlight walk SCENE` is asked for, and what comes of it: the walk and its log."""
 
 from __future__ import annotations
 
@@ -21,7 +21,11 @@ from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, 
 from evenlight.experiments.playback.live_record import LOG, live_control, with_budget, write_live
 from evenlight.experiments.playback.loss_meters import open_meter
 from evenlight.experiments.playback.picture_luminance import LateLuminance
-from evenlight.experiments.playback.play_options import LiveOptions, ScreenOptions, WalkOptions, interrupted
+from evenlight.experiments.playback.play_options import (
+    LiveOptions,
+    WalkOptions,
+    interrupted,
+)
 from evenlight.experiments.playback.play_video import rig_of
 from evenlight.experiments.playback.player import (
     Pass,
@@ -161,7 +165,7 @@ class WalkRequest:
         if self.seconds is not None and not self.seconds > 0:
             raise InputError(f"--seconds must be above 0, got {self.seconds:g}")
         if self.simulate and self.seconds is None:
-            raise InputError("--walk ends with escape, which no one presses with --simulate: give --seconds")
+            raise InputError("a walk ends with escape, which no one presses with --simulate: give --seconds")
         if self.record is not None and self.record.suffix != ".json":
             raise InputError(f"--record {self.record}: give a file that ends in .json")
         if self.record is not None and self.record.is_file():
@@ -187,10 +191,8 @@ class WalkRequest:
         return self.field_of_view
 
 
-def asked_walk(
-    screen: ScreenOptions, walk: WalkOptions, live: LiveOptions, log: Path | None = None
-) -> WalkRequest:
-    """Return what some options ask for, with a log of the frames in a file or without.
+def asked_walk(walk: WalkOptions, live: LiveOptions) -> WalkRequest:
+    """Return what some options ask for.
 
     Raises
     ------
@@ -203,23 +205,23 @@ def asked_walk(
         limit_curve=LimitCurve(live.limit_curve),
         gains=live.gains,
         device=Device(live.device),
-        out=screen.out,
-        other_display_ok=screen.other_display_ok,
-        budget=budget_asked(live.budget, live.budget_unit, live.horizon, screen.power_model),
+        out=walk.out,
+        other_display_ok=walk.other_display_ok,
+        budget=budget_asked(live.budget, live.budget_unit, live.horizon, live.power_model),
         accept_wide_band=live.accept_wide_band,
     )
     return WalkRequest(
-        scene=screen.video,
-        rig=screen.rig,
-        display=screen.display_name,
-        size=screen.size,
+        scene=walk.scene,
+        rig=walk.rig,
+        display=walk.display_name,
+        size=walk.size,
         factor=walk.factor,
         record=walk.record,
         seconds=walk.seconds,
-        screenshots=screen.screenshots,
-        simulate=screen.simulate,
+        screenshots=walk.screenshots,
+        simulate=walk.simulate,
         live=controlled,
-        log=log,
+        log=walk.log,
         field_of_view=walk.field_of_view,
     )
 

@@ -41,7 +41,7 @@ PARSED = {
     "simulate rating": "needs the tracks of four sequences; tests/experiments simulates them",
     "play stimuli/library/video.mkv": "a walk of a minute; other videos are played",
     "watch lab": "waits for a session that runs; tests/experiments/test_live_view.py has one",
-    "play house --walk": "draws a house on a processor; tests/pipeline/test_walk_command.py does it",
+    "walk house": "draws a house on a processor; tests/pipeline/test_walk_command.py does it",
     "optimize walk.json": "draws 150 pictures; tests/stimuli/test_gltf_scenes.py opens such a path",
     "render library --size": "draws a school for half a minute; docs/viewing-experiments.md has it smaller",
     "render house": "takes 10 s; tests/stimuli/test_gltf_scenes.py writes scenes and reads them",

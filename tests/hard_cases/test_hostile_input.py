@@ -382,10 +382,18 @@ def test_measured_power_that_is_refused_leaves_nothing(command, tmp_path, make_s
     def no_screen(*_: object, **__: object) -> None:
         raise InstrumentError("there is no screen")
 
-    words = ("play", tmp_path / "v.mkv", tmp_path / "track", "--rig", tmp_path / "r.toml", "--simulate")
+    words = (
+        "measure",
+        "played",
+        tmp_path / "v.mkv",
+        tmp_path / "track",
+        "--rig",
+        tmp_path / "r.toml",
+        "--simulate",
+    )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(measured_play, "open_devices", no_screen)
-        done = command(*words, "--measure-power", "--out", tmp_path / "new" / "power")
+        done = command(*words, "--out", tmp_path / "new" / "power")
     assert (done.code, "there is no screen" in done.err) == (1, True)
     assert everything(tmp_path) == before
 

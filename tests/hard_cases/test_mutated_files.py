@@ -172,7 +172,7 @@ def resumed(dataset: Path, copy: Path) -> None:
 
 
 def write_power(folder: Path) -> None:
-    """Measured power as `play --measure-power` keeps it, of a tenth of a second."""
+    """Measured power as `measure played` keeps it, of a tenth of a second."""
     folder.mkdir()
     log = PowerLog(
         simulated=True, video="v", duration=0.1, passes=("ours",), refresh_rate=60.0, sample_rate=100.0,

@@ -1,4 +1,4 @@
-"""`evenlight play --measure-power`: the power of a played video, in its versions, on a simulated panel."""
+"""`evenlight measure played`: the power of a played video, in its versions, on a simulated panel."""
 
 import itertools
 import json
@@ -23,8 +23,8 @@ def measured(tmp_path_factory, virtual_screen, small_rig, make_stimulus, make_vi
     factors = np.linspace(0.9, 0.3, FRAMES)
     make_stimulus(folder / "track", factors, frames_per_second=RATE)
     make_video(folder / "clip.mkv", np.linspace(0.2, 0.9, FRAMES), (64, 48), RATE)
-    words = ["play", folder / "clip.mkv", folder / "track", "--rig", small_rig, "--simulate"]
-    words += ["--measure-power", "--passes", "2", "--out", folder / "power"]
+    words = ["measure", "played", folder / "clip.mkv", folder / "track", "--rig", small_rig, "--simulate"]
+    words += ["--passes", "2", "--out", folder / "power"]
     done = Run([str(word) for word in words], os.environ | {"DISPLAY": virtual_screen(24)})
     out, err = done.communicate(timeout=200)
     assert done.returncode == 0, err
@@ -106,13 +106,13 @@ def test_what_was_recorded_is_analysed_anew_also_where_it_ends_early(measured, c
 
 def test_a_folder_with_a_measurement_is_refused_before_anything_is_played(measured, command, tmp_path):
     folder = measured[0]
-    words = ("play", folder.parent / "clip.mkv", folder.parent / "track", "--rig", "simulated")
-    done = command(*words, "--measure-power", "--out", folder)
+    words = ("measure", "played", folder.parent / "clip.mkv", folder.parent / "track")
+    done = command(*words, "--rig", "simulated", "--out", folder)
     assert (done.code, "never overwritten" in done.err) == (2, True)
-    done = command(*words, "--measure-power")
-    assert (done.code, "needs --out" in done.err) == (2, True)
-    done = command(*words[:3], "--measure-power", "--out", tmp_path / "new")
+    done = command(*words, "--rig", "simulated")
+    assert (done.code, "Missing option '--out'" in done.err) == (2, True)
+    done = command(*words, "--out", tmp_path / "new")
     assert (done.code, "names no power meter" in done.err) == (2, True)
-    done = command(*words, "--passes", "2")
-    assert (done.code, "--measure-power" in done.err) == (2, True)
+    done = command("play", *words[2:], "--measure-power", "--out", tmp_path / "new")
+    assert (done.code, "`evenlight measure played VIDEO TRACK`" in done.err) == (2, True)
     assert not (tmp_path / "new").exists()

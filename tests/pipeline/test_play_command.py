@@ -250,7 +250,6 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         ((video, track, "--size", "64x48"), "--size is for built-in sequences"),
         ((video, track, "--log", "log.txt"), "give a file that ends in .csv or .jsonl"),
         ((video, track, "--log", there), "there.csv: is there already; give another name"),
-        (("house", "--walk", "--record", way), "way.json: is there already; give another name"),
         ((video, track, "--loop", "--simulate"), "--loop goes on until someone presses escape"),
         (("nothing", track), "no video 'nothing'"),
         (
@@ -261,43 +260,42 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
             ("sunrise", fine, "--rig", "simulated"),
             "make the track again with --field-of-view 90, or accept that with --other-geometry-ok",
         ),
-        (
-            ("house", "--walk", "--field-of-view", 0.05),
-            "--field-of-view must lie in 0.1 to 175 degrees, got 0.05",
-        ),
-        (("house", "--walk", "--log", there), "there.csv: is there already; give another name"),
-        (("house", "--walk", "--other-geometry-ok"), "--walk takes no --other-geometry-ok"),
-        ((video, track, "--field-of-view", 90), "--field-of-view is for walks through a scene"),
-        *[
-            ((video, track, option, value), f"{option} is for walks through a scene: give it with --walk")
-            for option, value in [
-                ("--seconds", 3),
-                ("--factor", 1),
-                ("--record", "way.json"),
-                ("--target-loss", 0.1),
-            ]
-        ],
-        *[
-            (("house", "--walk", *option), f"--walk takes no {option[0]}, which is for videos")
-            for option in [
-                ("--version", "ours"),
-                ("--label",),
-                ("--other-display-ok",),
-                ("--loop",),
-            ]
-        ],
-        (("house", track, "--walk"), "--walk takes no TRACK, which is for videos"),
-        (
-            ("house", "--walk", "--out", "log"),
-            "--out keeps what a controller did: give --target-loss or --budget with it",
-        ),
-        (("house", "--walk", "--device", "cpu"), "--device is for walks that are dimmed online"),
-        (("house", "--walk", "--target-loss", 2), "--target-loss must lie in 0 to 1, got 2"),
     ]:
         outcome = command("play", *arguments)
         assert outcome.code == 2, says
         assert says in outcome.err
         assert outcome.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        (("--record", "way.json"), "way.json: is there already; give another name"),
+        (("--log", "there.csv"), "there.csv: is there already; give another name"),
+        (("--field-of-view", 0.05), "--field-of-view must lie in 0.1 to 175 degrees, got 0.05"),
+        (("--out", "log"), "--out keeps what a controller did: give --target-loss or --budget with it"),
+        (("--device", "cpu"), "--device is for walks that are dimmed live"),
+        (("--other-display-ok",), "--other-display-ok is for walks that are dimmed live"),
+        (("--target-loss", 2), "--target-loss must lie in 0 to 1, got 2"),
+        (("--target-loss", 0.1, "--horizon", 9), "--horizon is for --budget, which is not given"),
+        (("--simulate",), "a walk ends with escape, which no one presses with --simulate: give --seconds"),
+    ],
+)
+def test_what_a_walk_refuses(
+    command: Callable[..., Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: Any, says: str
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name in ("way.json", "there.csv"):
+        Path(name).touch()
+    outcome = command("walk", "house", *words)
+    assert (outcome.code, says in outcome.err, outcome.err.count("\n")) == (2, True, 1), outcome.err
+
+
+def test_the_spelling_of_before_is_told_the_new_one(command: Callable[..., Any]) -> None:
+    """An option of walks may stand before --walk."""
+    for words in (("house", "--walk"), ("house", "--target-loss", 0.1, "--walk", "--out", "walk")):
+        outcome = command("play", *words)
+        assert (outcome.code, "`evenlight walk SCENE`" in outcome.err) == (2, True), outcome.err
 
 
 def test_a_track_for_a_backlight_says_on_pixels_what_it_may_be_off(tmp_path: Path) -> None:

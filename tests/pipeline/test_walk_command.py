@@ -1,4 +1,4 @@
-"""`evenlight play SCENE --walk` on a window under a virtual screen, dimmed online; its way renders."""
+"""`evenlight walk SCENE` on a window under a virtual screen, dimmed online; its way renders."""
 
 import csv
 import json
@@ -41,10 +41,10 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
         assert run.returncode == 0, err
         return out
 
-    simulated = ("--walk", "--simulate", "--seconds", "1", "--size", "64x36")
+    simulated = ("--simulate", "--seconds", "1", "--size", "64x36")
     controlled = ("--target-loss", "0.5", "--factor", "0.7", "--out", log)
     controlled += ("--budget", "0.5", "--budget-unit", "power", "--horizon", "0.5")
-    said = evenlight_does("play", "house", *simulated, "--record", way, *controlled)
+    said = evenlight_does("walk", "house", *simulated, "--record", way, *controlled)
     assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; contrast loss .*; the way is in", said)
     rows = read_rows(LiveRefresh, log / "live_control.csv")
     kept = read_json_record(LiveControl, log / "live_control.json")
@@ -95,9 +95,8 @@ def test_a_walk_without_a_controller_logs_its_frames_and_is_seen_at_true_size_wi
     """64 pixels at 72.28 per degree, 4141 from the eye, are 2 atan(32 / 4141) = 0.885 degrees."""
     log = tmp_path / "frames.csv"
     words = [
-        "play",
+        "walk",
         "house",
-        "--walk",
         "--simulate",
         "--seconds",
         "0.1",
@@ -128,7 +127,7 @@ def test_what_was_walked_until_an_interruption_is_kept(
     virtual_screen: Callable[[], str], tmp_path: Path
 ) -> None:
     way, log, seen = tmp_path / "way.json", tmp_path / "log", tmp_path / "seen"
-    words = ["play", "house", "--walk", "--simulate", "--seconds", "1e5", "--size", "64x36"]
+    words = ["walk", "house", "--simulate", "--seconds", "1e5", "--size", "64x36"]
     words += ["--target-loss", "0.5", "--budget", "0.5", "--record", str(way), "--out", str(log)]
     run = Run([*words, "--screenshots", str(seen)], os.environ | {"DISPLAY": virtual_screen()})
     end = time.monotonic() + 200

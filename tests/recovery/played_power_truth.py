@@ -251,7 +251,7 @@ def _pings(
 
 
 def write_folder(truth: Truth, folder: Path) -> Path:
-    """Write a recording as `evenlight play --measure-power` would."""
+    """Write a recording as `evenlight measure played` would."""
     recording, arrived, flips = truth.recording, truth.arrived, truth.recording.flips
     folder.mkdir(parents=True, exist_ok=True)
     write_json_record(folder / "power_log.json", recording.log)
