@@ -41,7 +41,7 @@ PARSED = {
     "simulate rating": "needs the tracks of four sequences; tests/experiments simulates them",
     "play stimuli/library/video.mkv": "a walk of a minute; other videos are played",
     "watch lab": "waits for a session that runs; tests/experiments/test_live_view.py has one",
-    "walk house": "draws a house on a processor; tests/pipeline/test_walk_command.py does it",
+    "walk": "draws a house on a processor; tests/pipeline/test_walk_command.py does it",
     "optimize walk.json": "draws 150 pictures; tests/stimuli/test_gltf_scenes.py opens such a path",
     "render library --size": "draws a school for half a minute; docs/viewing-experiments.md has it smaller",
     "render house": "takes 10 s; tests/stimuli/test_gltf_scenes.py writes scenes and reads them",
@@ -83,9 +83,14 @@ def without_a_person(words: list[str]) -> None:
         words[words.index("recommended")] = "quick"
 
 
+def in_a_window(words: list[str]) -> bool:
+    """Return whether a command opens a window."""
+    return words[0] == "play" or words[:2] == ["measure", "played"]
+
+
 def on_a_simulated_window(words: list[str]) -> None:
     """A window would stay open for the length of a film: it counts the refreshes, as fast as it goes."""
-    if words[0] == "play" or (words[:2] == ["measure", "light"] and "--rig" in words):
+    if in_a_window(words):
         words += ["--simulate"]
 
 

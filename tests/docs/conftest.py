@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from catalogues import cluster_here
-from command_variants import HERE, parse, trial_of
+from command_variants import HERE, in_a_window, parse, trial_of
 from emulators.ours import attach
 from page_commands import ROOT, Step
 from reader_files import Shelf, install
@@ -70,7 +70,7 @@ def reader(
         monkeypatch.setattr(sys, "stdin", io.StringIO("\n" * 100))  # Enter, whenever it is asked for
         if HERE in words:
             words = tuple(request.getfixturevalue("workers") if word == HERE else word for word in words)
-        if words[0] != "play":
+        if not in_a_window(list(words)):
             return command(*words)
         here = shelf_folder / "window.py"  # runs are forked from a process that is in another folder
         here.write_text(WINDOW.format(folder=str(Path.cwd())))
@@ -87,7 +87,7 @@ def reader(
         if program != "evenlight":
             return _another_program(step, tmp_path, monkeypatch)
         trial = trial_of(words)
-        if trial.parsed_only or (words[0] == "play" and find_spec("psychopy") is None):
+        if trial.parsed_only or (in_a_window(list(words)) and find_spec("psychopy") is None):
             parse(list(trial.words))
             return ""
         outcome = run(*(name for word in trial.words for name in _expanded(word)))

@@ -74,6 +74,8 @@ def options_of_kind(kind: type) -> list[Any]:
     ):
         assert mounted.callback is not None
         for name, parameter in inspect.signature(mounted.callback, eval_str=True).parameters.items():
+            if not typing.get_args(parameter.annotation):  # the context, which is no option
+                continue
             of = typing.get_args(parameter.annotation)[0]
             if of is kind or kind in typing.get_args(of):
                 found.append(pytest.param(mounted.callback, name, id=f"{mounted.callback.__name__}-{name}"))
