@@ -68,9 +68,8 @@ TrackArgument = Annotated[
 DisplayOption = Annotated[
     NamedDisplay | None,
     viewing(
-        help="The display that the track is for: a preset such as laptop-lcd, or a file such as "
-        "desk.display.toml.",
-        show_default="that of the rig, the rate limit or the track",
+        help="The display: a preset such as laptop-lcd, or a file such as desk.display.toml.",
+        show_default="that of rig, limit or track",
     ),
 ]
 FpsOption = Annotated[
