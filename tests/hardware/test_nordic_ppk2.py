@@ -12,7 +12,7 @@ from emulators.power_meters import Ppk2Emulator, calibration
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.drivers import ppk2_port as stream
+from evenlight.hardware.drivers import nordic_ppk2 as stream
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.power_average import average_power
 from evenlight.hardware.protocols import Fault, InstrumentError
@@ -62,7 +62,7 @@ def test_the_stream_of_words_is_the_same_in_whatever_parts_it_comes() -> None:
         parts = [data[start : start + size] for start in range(0, len(data), size)]
         places = [reader.take(part)[1] for part in parts] + [reader.take(b"", is_last=True)[1]]
         assert np.concatenate(places).tolist() == list(range(300))
-        assert (reader.n_lost, reader.length()) == (0, 300)
+        assert (reader.n_lost, reader.seconds()) == (0, 0.003)
 
 
 def test_lost_words_are_counted_by_the_counter_of_64() -> None:
@@ -90,14 +90,13 @@ def test_lost_bytes_are_found_before_any_word_is_read_wrong(missing) -> None:
 
 
 def test_an_average_is_that_of_its_words_and_not_there_where_most_are_lost() -> None:
-    averages = stream.Averages(10)
     places = np.array([*range(10), 10, 11, *range(20, 31)])  # the second has two words of ten
     currents = np.where(places < 20, 1.0, places - 24.5)
-    found = averages.take(places, currents, places % 20 == 9)
-    assert [(average.index, average.current, average.sync) for average in found] == [
-        (0, 1.0, True),
-        (2, 0.0, True),  # of -4.5 to 4.5
-    ]
+    rows = np.column_stack([places, currents])
+    parts, rest = stream.complete_parts(rows, 10)
+    assert [(int(part[0, 0]), part[:, 1].mean()) for part in parts] == [(0, 1.0), (20, 0.0)]  # of -4.5 to 4.5
+    assert rest[:, 0].tolist() == [30]  # which the next word may follow
+    assert stream.complete_parts(rows[:0], 10)[0] == []
 
 
 def test_power_is_current_times_the_stated_voltage() -> None:
@@ -191,7 +190,7 @@ def test_a_calibration_in_part_is_refused(missing) -> None:
 def test_an_error_that_the_library_swallows_is_told(caplog) -> None:
     with Bench() as bench:
         meter = bench.meter()
-        meter._port._port._port.close()  # as a port that is gone under the library
+        meter._port.port.close()  # as a port that is gone under the library
         with pytest.raises(InstrumentError) as told:
             meter.start(100.0)
         assert told.value.fault is Fault.DISCONNECTED

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from evenlight.hardware.drivers import ppk2_port as stream
+from evenlight.hardware.drivers import nordic_ppk2 as stream
 from evenlight.hardware.operating_system import require_unix
 from evenlight.hardware.simulated.panel import Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
