@@ -2,8 +2,8 @@
 
     python -m benchmarks.tune_gains film-online/loss_curves.npz --target-loss 0.03 --out tuning.json
 
-reads the loss curves that `evenlight control` or `evenlight optimize` wrote. `evenlight control`, and a walk
-with `evenlight play`, take the gains from `--proportional`, `--integral`, `--derivative` and `--gain-rate`.
+reads the loss curves that `evenlight control` or `evenlight optimize` wrote. `evenlight control` and
+`evenlight walk` take the gains from `--proportional`, `--integral`, `--derivative` and `--gain-rate`.
 They are tuned for the fitted rate limit at each frame's mean luminance alone: not for another luminance that
 the limit may be about, and without allowances. How they are found: docs/decisions/controller-tuning.md.
 """
