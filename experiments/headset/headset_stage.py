@@ -43,8 +43,9 @@ from evenlight.experiments.stage import (
 from evenlight.hardware.presentation.headset_window import PANEL_SIZE, HeadsetWindow, ShownFrame
 from evenlight.hardware.presentation.mirror_window import STRIP_SIZE
 from evenlight.hardware.protocols import KeyPress, ResponseDevice, TriggerOutput
-from evenlight.stimuli.eyes.surfaces import panel_pixels_per_degree
+from evenlight.stimuli.eyes.surfaces import PANEL_WIDTH
 from evenlight.stimuli.page_image import centred_image
+from evenlight.stimuli.video.viewing_geometry import pixels_per_degree_in
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -97,7 +98,7 @@ class HeadsetStage(WindowStage):
         self._progress = ""
         self._headset, self._pages, self._reads_back = window, pages, reads_back
         self._number_size = NUMBER_SIZE
-        self._text_pixels_per_degree = panel_pixels_per_degree(PANEL_SIZE[0])
+        self._text_pixels_per_degree = pixels_per_degree_in(PANEL_WIDTH, PANEL_SIZE[0])
         self._begun = False  # once open it may come off until the first page: the display alone is tried
         self._seen: list[Sequence[ShownFrame]] = []
         self._ahead = 0.0  # of the stage's clock before the runtime's, where it counts refreshes [s]

@@ -83,15 +83,6 @@ def panel_matrix(eye: EyePose, eye_size: tuple[int, int], head: Pose, size: tupl
     return plane_matrix(eye, eye_size, head, (PANEL_DISTANCE, PANEL_WIDTH), size)
 
 
-def panel_pixels_per_degree(width: int) -> float:
-    """Return how many pixels a degree has in the middle of the panel of text, which is some pixels wide.
-
-    >>> round(panel_pixels_per_degree(1280), 2)  # 640 pixels are tan 25 degrees
-    23.95
-    """
-    return width / 2 / math.tan(math.radians(PANEL_WIDTH) / 2) * math.pi / 180
-
-
 def plane_matrix(
     eye: EyePose, eye_size: tuple[int, int], at: Pose, place: tuple[float, float], size: tuple[int, int]
 ) -> Floats:
