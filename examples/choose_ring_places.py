@@ -25,14 +25,15 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, Ring, painted
 from evenlight.stimuli.rings.ring_scene import (
+    NOTHING,
     PLACES,
     PRACTICE_SIZE,
     SUFFIX,
     KeypointRings,
     RingPlaces,
     RingScene,
+    seen_along,
 )
-from evenlight.stimuli.rings.stereo_rings import NOTHING, seen_along
 from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_named
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath

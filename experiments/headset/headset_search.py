@@ -15,7 +15,7 @@ from evenlight.experiments.stage import SearchView
 from evenlight.stimuli.eyes.eye_views import eye_views, head_direction
 from evenlight.stimuli.image_renderer import EyeImages, Image
 from evenlight.stimuli.rings.landolt import LEVELS_16
-from evenlight.stimuli.rings.stereo_rings import StereoRings
+from evenlight.stimuli.rings.ring_scene import StereoRings
 from evenlight.stimuli.scenes.content.catalogue import scene_named
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 

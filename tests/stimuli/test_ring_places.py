@@ -16,8 +16,7 @@ from example_scripts import example_script
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.rings.landolt import Ring, Surroundings
-from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.rings.stereo_rings import NOTHING, seen_along
+from evenlight.stimuli.rings.ring_scene import NOTHING, RingScene, seen_along
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel

@@ -11,8 +11,7 @@ from evenlight.data_schema.display import Display
 from evenlight.hardware.presentation.headset_link import EyeFov
 from evenlight.stimuli.eyes.eye_views import eye_views
 from evenlight.stimuli.rings.landolt import Ring
-from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.rings.stereo_rings import StereoRings
+from evenlight.stimuli.rings.ring_scene import RingScene, StereoRings
 from evenlight.stimuli.scenes.engine.antialiasing import EYES
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
