@@ -46,44 +46,32 @@ if TYPE_CHECKING:
 
     __version__: str
 
-# In the order of docs/api.md: what goes in, a track, online, data, tasks, errors, drivers.
-_PLACES = {
-    "open_video": "evenlight.stimuli.sequences",
-    "Frame": "evenlight.data_schema.frame",
-    "Display": "evenlight.data_schema.display",
-    "PowerModel": "evenlight.data_schema.power_model",
-    "PanelKind": "evenlight.data_schema.power_model",
-    "RateLimit": "evenlight.data_schema.rate_limit",
-    "RateLimitForm": "evenlight.data_schema.rate_limit",
-    "Actuator": "evenlight.data_schema.recordings.rig",
-    "BudgetUnit": "evenlight.data_schema.tracks.brightness_track",
-    "load_display": "evenlight.method.preset_files",
-    "load_power_model": "evenlight.method.preset_files",
-    "load_rate_limit": "evenlight.method.preset_files",
-    "frame_loss": "evenlight.loss",
-    "loss_curves": "evenlight.loss",
-    "LossCurves": "evenlight.data_schema.tracks.loss_curves",
-    "optimize": "evenlight.track",
-    "Track": "evenlight.track",
-    "load": "evenlight.track",
-    "OnlineController": "evenlight.online",
-    "fit_ramps": "evenlight.tables",
-    "RampFit": "evenlight.analysis.calibration.ramp_fit",
-    "analyze": "evenlight.tables",
-    "Analysis": "evenlight.analysis.results",
-    "register_task": "evenlight.registered_tasks",
-    "TaskDeclaration": "evenlight.registered_tasks",
-    "ViewingTaskDeclaration": "evenlight.registered_tasks",  # its earlier name
-    "InputError": "evenlight.data_schema.errors",
-    **dict.fromkeys(
-        ("Backlight", "ContextDevice", "Fault", "InstrumentError", "LuminanceMeter", "PowerMeter", "Reading"),
-        "evenlight.hardware.protocols",
-    ),
-    "Driver": "evenlight.hardware.driver",
-    "restore_and_release": "evenlight.hardware.backlights",
-    **dict.fromkeys(("PowerSample", "ClockPing"), "evenlight.data_schema.recordings.instrument_logs"),
-    **dict.fromkeys(("SerialLink", "LineSettings"), "evenlight.hardware.drivers.serial_link"),
+# By module, in the order of docs/api.md: what goes in, a track, online, data, tasks, errors, drivers.
+_MODULES = {
+    "stimuli.sequences": "open_video",
+    "data_schema.frame": "Frame",
+    "data_schema.display": "Display",
+    "data_schema.power_model": "PowerModel PanelKind",
+    "data_schema.rate_limit": "RateLimit RateLimitForm",
+    "data_schema.recordings.rig": "Actuator",
+    "data_schema.tracks.brightness_track": "BudgetUnit",
+    "method.preset_files": "load_display load_power_model load_rate_limit",
+    "loss": "frame_loss loss_curves",
+    "data_schema.tracks.loss_curves": "LossCurves",
+    "track": "optimize Track load",
+    "online": "OnlineController",
+    "tables": "fit_ramps analyze",
+    "analysis.calibration.ramp_fit": "RampFit",
+    "analysis.results": "Analysis",
+    "registered_tasks": "register_task TaskDeclaration ViewingTaskDeclaration",  # the last: its earlier name
+    "data_schema.errors": "InputError",
+    "hardware.protocols": "Backlight ContextDevice Fault InstrumentError LuminanceMeter PowerMeter Reading",
+    "hardware.driver": "Driver",
+    "hardware.backlights": "restore_and_release",
+    "data_schema.recordings.instrument_logs": "PowerSample ClockPing",
+    "hardware.drivers.serial_link": "SerialLink LineSettings",
 }
+_PLACES = {name: f"evenlight.{module}" for module, names in _MODULES.items() for name in names.split()}
 __all__ = [
     "Actuator", "Analysis", "Backlight", "BudgetUnit", "ClockPing", "ContextDevice", "Display", "Driver",
     "Fault", "Frame", "InputError", "InstrumentError", "LineSettings", "LossCurves",

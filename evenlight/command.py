@@ -12,7 +12,6 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
@@ -22,6 +21,7 @@ from evenlight.analysis import (
     analyze_command,
     catalogue_command,
     control_command,
+    demo_command,
     fit_commands,
     judge_command,
     measuring_commands,
@@ -34,14 +34,13 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.quantities import require_computable
-from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
 from evenlight.experiments import new_command, play_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.help_pages import HelpfulCommand, HelpfulGroup
-from evenlight.option_panels import GONE, RIGHT_NAMES, declared_by_name, expert
+from evenlight.option_panels import GONE, RIGHT_NAMES, declared_by_name
 from evenlight.registered_tasks import load_tasks
 from evenlight.result_requests import recorded
 from evenlight.stimuli import apply_command, track_command
@@ -53,7 +52,6 @@ if TYPE_CHECKING:
 app = typer.Typer(name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
-DATASET = "dataset"  # the demo's
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1])
@@ -109,38 +107,9 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     return checked
 
 
-def demo(
-    out: Annotated[Path, typer.Option(help="Folder for all results; report.html in it explains them.")],
-    participants: Annotated[int, typer.Option(help="How many people to simulate.", min=2, max=9999)] = 10,
-    budget: Annotated[
-        float, typer.Option(help="Mean brightness factor of the track, 0.2 to 1 (full brightness).")
-    ] = 0.4,
-    seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
-) -> None:
-    """See the whole loop, small: simulated calibration, rate limit, a track, a report."""
-    from evenlight.analysis.tracks.closed_loop import close_loop
-    from evenlight.stimuli.sequences import built_in_sequence
-
-    if not 0.2 <= budget <= 1:
-        raise InputError(f"--budget must lie between 0.2 and 1, got {budget:g}")
-    require_sealed(out / DATASET, "demo")
-    # Experiments and analysis meet here alone, and only through the files of the data set.
-    with results_folder(out, replacing=(DATASET,)) as folder:
-        experiment_commands.simulate("ramp", folder / DATASET, participants, seed, quiet=True)
-        seal(folder / DATASET)
-        sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
-        close_loop(folder / DATASET, sunrise, budget, folder, quiet)
-    if not quiet:
-        typer.echo(
-            f"{out / 'report.html'} tells the whole loop, with simulated participants; "
-            f"{out / 'track' / 'player.html'} plays the video with its track"
-        )
-
-
 # The groups of `evenlight --help`, in the order of `help_pages.GROUPS`; what is used most comes first.
 COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
-    "Start here": {"demo": demo, "new": new_command.new},
+    "Start here": {"demo": demo_command.demo, "new": new_command.new},
     "Video": {
         "optimize": recorded("optimize", optimize_command.optimize),
         "catalogue": recorded("catalogue", catalogue_command.catalogue),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from numbers import Real
 from os import PathLike
@@ -21,8 +20,7 @@ from evenlight.analysis.session_loading import task_data_of
 from evenlight.data_schema.arguments import choice, flag, must_be_one_of, number, whole
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
-from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.session import TASKS
@@ -196,18 +194,14 @@ def _record(
     cls: type[Any], row: dict[str, Any], number: int, defaults: Mapping[str, Any], simulated: bool
 ) -> Any:
     """Return the trial of a row; what is not in it and not needed has a default."""
-    known = {file_key(field): field for field in dataclasses.fields(cls)}
-    required = {
-        key for key, field in known.items()
-        if field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-    }  # fmt: skip
-    unknown = {key: None for key, field in known.items() if field.name in nullable_fields(cls)}
+    known, required = keys_of(cls)
+    unknown = {key: None for key, name in known.items() if name in nullable_fields(cls)}
     filled = {"session_id": "01", "trial_index": number, **unknown, **defaults}
     values = {key: value for key, value in filled.items() if key in required}
     values |= {key: value for key, value in row.items() if key in known}
     values |= {"simulated": simulated}
     values |= {key: _identifier(values[key]) for key in IDENTIFIERS if key in values}
-    missing = sorted(required - set(values))
+    missing = sorted(set(required) - set(values))
     if missing:
         raise InputError(f"row {number} of the table: no {', '.join(missing)}")
     return record_from_mapping(cls, values, f"row {number} of the table")
