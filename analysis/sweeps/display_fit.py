@@ -32,6 +32,7 @@ from evenlight.data_schema.display import (
 from evenlight.data_schema.errors import InputError
 from evenlight.method.suspect_readings import LUMINANCE_TOLERANCE, last_digits
 
+LARGEST_DOUBT = 0.05  # share of a luminance, to either side
 FEWEST_LEVELS = 3  # with a value: as many as the curve has parameters
 ASSUMED_NOISE = Noise(0.01, 0.01, 0)  # [cd/m^2, 1] of a meter where no level was read twice
 
@@ -84,8 +85,13 @@ class GammaFit:
     @property
     def deviations(self) -> Array:
         """Measured over fitted luminance, less 1, of each level with a value."""
-        fitted = self.luminance(self.pixel_values)
-        return np.asarray((self.means - fitted) / (fitted + self.reflected_luminance))
+        return np.asarray((self.means - self.luminance(self.pixel_values)) / self.shown)
+
+    @property
+    def shown(self) -> Array:
+        """The fitted luminance of each level, reflected light included; where 0, what is tolerated."""
+        shown = self.luminance(self.pixel_values) + self.reflected_luminance
+        return np.where(shown > 0, shown, LUMINANCE_TOLERANCE.floor)
 
     @property
     def worst_level(self) -> int:
@@ -101,6 +107,17 @@ class GammaFit:
         """
         told = self.lack_of_fit_p is None or self.lack_of_fit_p < UNLIKELY
         return not (told and self._excess().max() > 1)
+
+    @property
+    def is_vague(self) -> bool:
+        """Whether the intervals leave open by more than 5 % what L' = 0.5, or 1, shows.
+
+        Decision (docs/decisions/display-fit.md).
+        """
+        low, high = self.gamma_interval
+        darkest, brightest = self.peak_luminance_interval
+        at_half = np.log(2) * (high - low) / 2
+        return bool(max(at_half, (brightest - darkest) / 2 / self.peak_luminance) > LARGEST_DOUBT)
 
     def _excess(self) -> Array:
         """Return each level's deviation over the tolerated one."""

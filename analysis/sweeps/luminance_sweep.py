@@ -198,6 +198,7 @@ def _record(
     black = min(r.pixel_value for r in pixels)
     flags = {
         SweepFlag.NOT_GAMMA: not curve.is_gamma,
+        SweepFlag.VAGUE: curve.is_gamma and curve.is_vague,
         SweepFlag.REPEATS_APART: sweep.is_apart(luminance_less(0.0), LUMINANCE_TOLERANCE),
         SweepFlag.BLACK_UNDER_RANGE: any(r.luminance is None for r in pixels if r.pixel_value == black),
         SweepFlag.BLACK_NEGATIVE: curve.black_level_interval[1] <= 0,
@@ -292,8 +293,7 @@ def _draw_deviations(axes: Axes, curve: GammaFit) -> None:
     axes.fill_between(PLACES, -allowed, allowed, label="tolerated: 2 % and 0.02 cd/m²", **BAND)
     axes.axhline(0, color=OURS, zorder=1)
     deviations = 100 * curve.deviations
-    at_levels = curve.luminance(curve.pixel_values) + curve.reflected_luminance
-    half = 100 * half_width(curve.errors, curve.noise.freedom) / at_levels
+    half = 100 * half_width(curve.errors, curve.noise.freedom) / curve.shown
     draw_points(axes, curve.pixel_values, deviations, half)
     reach = 1.15 * float(np.max(np.abs(deviations) + np.minimum(half, 3 * np.abs(deviations) + 2)))
     axes.set(xlim=(-0.02, 1.02), ylim=(-max(reach, 3.0), max(reach, 3.0) * 1.25))

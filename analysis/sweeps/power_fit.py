@@ -21,6 +21,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.suspect_readings import POWER_TOLERANCE
 
+LARGEST_DOUBT = 0.05  # share of the slope, to either side
 FEWEST_LEVELS = 3  # a line through two tells nothing of its fit
 
 
@@ -94,6 +95,12 @@ class LineFit:
         """
         told = any(p is not None and p < UNLIKELY for p in (self.lack_of_fit_p, self.bend_p))
         return not (told and abs(self.deviations[self.worst_level]) > POWER_TOLERANCE.share)
+
+    @property
+    def is_vague(self) -> bool:
+        """Whether the interval leaves open by more than 5 % how much power light adds."""
+        low, high = self.power_per_luminance_interval
+        return (high - low) / 2 > LARGEST_DOUBT * abs(self.power_per_luminance)
 
 
 def fit_line(points: PowerPoints) -> LineFit:

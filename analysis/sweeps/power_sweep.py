@@ -202,6 +202,7 @@ def _record(
     n_samples, n_lost = sum(r.n_samples for r in used), sum(r.n_lost for r in used)
     flags = {
         SweepFlag.NOT_LINEAR: not line.is_linear,
+        SweepFlag.VAGUE: line.is_linear and line.is_vague,
         SweepFlag.DRIFTED: drift.is_large or luminance_drift.is_large,
         SweepFlag.REPEATS_APART: sweep.is_apart(lambda r: r.power, POWER_TOLERANCE),
         SweepFlag.LUMINANCE_MISSING: n_left_out > 0,

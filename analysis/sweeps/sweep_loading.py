@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import groupby
+from itertools import groupby, pairwise
 from operator import attrgetter
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -103,6 +103,34 @@ class Sweep(Generic[Reading]):
         """Return whether the readings of any level in the sweep differ by more than is tolerated."""
         levels = (repeats_of(own, value) for own in by_level(self.of_phase(SweepPhase.SWEEP)))
         return any(np.ptp(own.values) > tolerance.of(own.mean) for own in levels if own.values.size)
+
+    @property
+    def n_stale(self) -> int:
+        """How many readings repeat the one before to the last digit, though another level was shown.
+
+        Levels count as others if their medians differ by more than is tolerated: then a meter, or its driver,
+        gave an old value. One pair may be chance.
+        """
+        most = max(self._n_stale_in(unit, tolerance) for unit, tolerance in TOLERANCES.items())
+        return most if most > 1 else 0
+
+    def _n_stale_in(self, unit: str, tolerance: Tolerance) -> int:
+        """Return the number for one of the units that a reading may have."""
+        every = sorted((*self.readings, *self.left_out), key=attrgetter("index"))
+        own = [r for r in every if r.measured.get(unit) is not None]
+        middles = {
+            level: float(np.median([r.measured[unit] for r in own if r.level == level]))
+            for level in {r.level for r in own}
+        }
+        pairs = ((one, other) for one, other in pairwise(own) if other.index == one.index + 1)
+        return sum(
+            one.measured[unit] == other.measured[unit]
+            and bool(
+                abs(middles[one.level] - middles[other.level])
+                > tolerance.of(max(middles[one.level], middles[other.level]))
+            )
+            for one, other in pairs
+        )
 
 
 def by_level(readings: Iterable[Reading]) -> list[list[Reading]]:

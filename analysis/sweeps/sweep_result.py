@@ -219,6 +219,7 @@ def fit_record(
         SweepFlag.DRIFTED: drift.is_large,
         SweepFlag.UNSTEADY: warm_up.is_large,
         SweepFlag.WARM_UP_UNKNOWN: warm_up.is_vague,
+        SweepFlag.STALE_READINGS: sweep.n_stale > 0,
         SweepFlag.SUSPECT_READINGS: bool(sweep.suspects),
         **flags,
     }
@@ -233,6 +234,7 @@ def fit_record(
         flags=tuple(flag for flag in SweepFlag if raised.get(flag)),
         provenance=provenance_now(seed=manifest.provenance.seed, inputs=sweep.inputs),
         suspects=sweep.suspects,
+        n_stale=sweep.n_stale,
         **{name: getattr(model, name) for name in names},
         **own,
     )

@@ -16,9 +16,11 @@ class SweepFlag(enum.Enum):
     INCOMPLETE = "incomplete"  # the sweep has fewer readings than its design asks for
     NOT_GAMMA = "not_gamma"  # no gamma curve describes the display
     NOT_LINEAR = "not_linear"  # power is not linear in luminance
+    VAGUE = "vague"  # the readings leave open whether the model describes the display
     DRIFTED = "drifted"  # the readings at the end differ from those of the sweep
     UNSTEADY = "unsteady"  # the warm-up ended before the display was steady
     WARM_UP_UNKNOWN = "warm_up_unknown"  # too few readings of the warm-up to tell
+    STALE_READINGS = "stale_readings"  # readings repeat the one before, of another level
     SUSPECT_READINGS = "suspect_readings"  # readings contradict others of their level, or its neighbours
     REPEATS_APART = "repeats_apart"  # readings of one level lie far from each other
     BLACK_UNDER_RANGE = "black_under_range"  # black was too dark for the meter
@@ -177,6 +179,9 @@ class DisplayFit:
     flags: tuple[SweepFlag, ...] = described("what to look at")
     provenance: Provenance = described("how the file was made")
     suspects: tuple[SuspectReading, ...] = described("readings that contradict the others", default=())
+    n_stale: int = count(
+        "readings that repeat the one before to the last digit, though another level was shown", default=0
+    )
     levels: tuple[LuminanceLevel, ...] = described(
         "pixel values as they were read, beside the curve; none in older files", default=()
     )
@@ -253,6 +258,7 @@ class PowerFit:
     flags: tuple[SweepFlag, ...] = as_in(DisplayFit, "flags")
     provenance: Provenance = described("how the file was made")
     suspects: tuple[SuspectReading, ...] = as_in(DisplayFit, "suspects")
+    n_stale: int = as_in(DisplayFit, "n_stale")
     levels: tuple[PowerLevel, ...] = described(
         "brightness factors as they were read, beside the line; none in older files", default=()
     )

@@ -140,6 +140,40 @@ def test_a_good_sweep_has_no_flag_and_prints_no_warning(
     assert any("gamma curve describes the display" in line for line in lines)
 
 
+def test_readings_that_leave_the_curve_open_are_no_verdict_for_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A meter of 20 % at five levels: gamma is known to some 0.2, and no curve can be ruled out."""
+    few = replace(LUMINANCE, pixel_values=(0.0, 0.25, 0.5, 0.75, 1.0))
+    readings = luminance_readings(DIM, np.random.default_rng(1), few, Meter(share=0.2, floor=0.01))
+    folder = write_sweep(tmp_path / "sweep", few, readings)
+    lines = fit_sweep(folder, folder)
+    found = read_json_record(DisplayFit, folder / "display_fit.json")
+    low, high = found.gamma_interval
+    assert (high - low) / 2 * np.log(2) > 0.05
+    assert SweepFlag.VAGUE in found.flags
+    assert not any("gamma curve describes the display" in line for line in lines)
+    assert f"is open: the readings allow gamma {low:.4g} to {high:.4g}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("every", [2, 3, 7])
+def test_a_meter_that_gives_old_values_is_named(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], every: int
+) -> None:
+    fresh = luminance_readings(DIM, np.random.default_rng(11), LUMINANCE)
+    readings = list(fresh)
+    for k in range(every, len(readings), every):
+        readings[k] = replace(readings[k], luminance=readings[k - 1].luminance)
+    folder = write_sweep(tmp_path / "sweep", LUMINANCE, tuple(readings))
+    fit_sweep(folder, folder)
+    found = read_json_record(DisplayFit, folder / "display_fit.json")
+    assert SweepFlag.STALE_READINGS in found.flags
+    # All but those of a level that is as bright as the one before, and the warm-up's, which is of one level.
+    swept = [k for k in range(every, len(readings), every) if readings[k].level != readings[k - 1].level]
+    assert 0.7 * len(swept) <= found.n_stale <= len(swept)
+    assert "repeat the one before to the last digit" in capsys.readouterr().err
+
+
 def test_what_went_wrong_in_a_sweep_is_flagged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     # Begun cold with a minute of warm-up, a display that ages 60 % an hour, a meter that reads from 0.4 on.
     design = replace(LUMINANCE, warm_up=120.0, warm_up_interval=10.0)
