@@ -14,6 +14,7 @@ import sys
 from collections.abc import Mapping
 from importlib import metadata
 
+from evenlight.data_schema.errors import InputError
 from evenlight.hardware.driver import SIMULATED, Driver, NamedDriver, named_driver
 from evenlight.hardware.driver_table import BACKLIGHTS, LUMINANCE_METERS, POWER_METERS
 
@@ -55,6 +56,30 @@ def find_driver(name: str, kind: InstrumentKind) -> NamedDriver:
     """
     driver = name.removeprefix(f"{SIMULATED}:").partition(":")[0]
     return named_driver(name, kind.ours if driver in kind.ours else known_drivers(kind), kind.value)
+
+
+def find_driver_of(name: str, kind: str | None = None) -> tuple[InstrumentKind, NamedDriver]:
+    """Return kind and driver of an instrument, which is "luminance", "power" or "backlight" if more have it.
+
+    Raises
+    ------
+    InputError
+        If there is no such driver, or it is not clear which.
+    """
+    driver = name.removeprefix(f"{SIMULATED}:").partition(":")[0]
+    kinds = {each.name.lower(): each for each in InstrumentKind}
+    if kind is not None and kind not in kinds:
+        raise InputError(f"--kind must be {', '.join(kinds)}, got {kind!r}")
+    having = [word for word, each in kinds.items() if driver in known_drivers(each)]
+    if kind is None and not having:
+        raise InputError(
+            f"{name}: there is no driver {driver!r}; `evenlight measure list` shows those there are"
+        )
+    if kind is None and len(having) > 1:
+        words = " or ".join(f"--kind {word}" for word in having)
+        raise InputError(f"{name}: drivers of several kinds have the name {driver!r}; give {words}")
+    chosen = kinds[kind or having[0]]
+    return chosen, find_driver(name, chosen)
 
 
 def known_drivers(kind: InstrumentKind) -> dict[str, Driver]:

@@ -6,7 +6,7 @@ import importlib.util
 import shutil
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Protocol
@@ -16,7 +16,7 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.driver import Driver
 from evenlight.hardware.driver_table import TRIGGERS
-from evenlight.hardware.installed_drivers import InstrumentKind, known_drivers
+from evenlight.hardware.installed_drivers import InstrumentKind, find_driver_of, known_drivers
 from evenlight.option_panels import expert
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
@@ -136,6 +136,10 @@ def headset(
 @measure.command()
 def conform(
     instrument: Annotated[str, typer.Argument(help="The instrument: DRIVER:ADDRESS.")],
+    rig: Annotated[
+        str | None,
+        typer.Option(help="Rig whose screen the meter looks at, or feeds: a toml file, or a preset."),
+    ] = None,
     kind: Annotated[
         str | None,
         typer.Option(metavar="KIND", help="luminance, power or backlight, if several have this name."),
@@ -144,16 +148,21 @@ def conform(
 ) -> None:
     """Test what every driver promises, on an instrument; ends with 1 if one is broken.
 
-    A backlight changes the screen's brightness meanwhile, and is left as it was found. `simulated:DRIVER` is
-    the emulated instrument that a package brings for its driver.
+    The rig's screen, or a simulated panel, changes meanwhile: a meter must follow. `simulated:DRIVER` is the
+    emulated instrument that a package brings.
     """
     from evenlight.hardware.conformance.conform import conform as tried
-    from evenlight.hardware.conformance.conform import subject_named
+    from evenlight.hardware.conformance.subject import Subject, opened_screen
+    from evenlight.hardware.rig import is_simulated
+    from evenlight.hardware.rig_files import load_rig
 
-    subject = subject_named(instrument, kind)
-    kept, broken, untried = tried(subject, _show(quiet))
+    which, named = find_driver_of(instrument, kind)
+    if rig and (is_simulated(instrument) or which is InstrumentKind.BACKLIGHT):
+        raise InputError(f"{instrument}: --rig is for a meter at an address; leave it out")
+    with opened_screen(load_rig(rig)[0], which) if rig else nullcontext() as screen:
+        kept, broken, untried = tried(Subject(which, named, screen), _show(quiet))
     others = f", {untried} not tried" if untried else ""
-    typer.echo(f"{instrument}, a {subject.kind.value}: {kept} promises kept, {broken} broken{others}")
+    typer.echo(f"{instrument}, a {which.value}: {kept} promises kept, {broken} broken{others}")
     if broken:
         raise typer.Exit(1)
 

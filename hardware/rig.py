@@ -264,11 +264,14 @@ def backlight_of(
 
 
 def guarded(
-    guard: type[Guard], named: NamedDriver, opener: Callable[[NamedDriver], object], simulation: Simulation
+    guard: type[Guard],
+    named: NamedDriver,
+    opener: Callable[[NamedDriver], object],
+    simulation: Simulation | None,
 ) -> Guard:
     """Return a driver under guard, on the emulated instrument that its package brings if its name says so."""
     with ExitStack() as link:
-        if named.emulated and named.driver.emulator:
+        if named.emulated and named.driver.emulator and simulation:
             address = link.enter_context(named.driver.emulator(simulation))
             named = dataclasses.replace(named, address=address)
         device = guard(named, lambda: opener(named))

@@ -1,23 +1,33 @@
-"""A driver that is tried: opened on what a package tries it on, or at its address."""
+"""A driver that is tried, what changes before it meanwhile, and how a broken promise is told."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
-from evenlight.hardware import rig
+from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware import rig as rigs
 from evenlight.hardware.driver import SIMULATED, NamedDriver
 from evenlight.hardware.guarded_devices import GUARDS
 from evenlight.hardware.installed_drivers import InstrumentKind
-from evenlight.hardware.protocols import Fault, InstrumentError
-from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.hardware.measuring import bench_for
+from evenlight.hardware.protocols import Backlight, Fault, InstrumentError, Window
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel
 
-SEED = 5  # of the emulated instrument's noise
-SETTLED = 0.05  # [s] ten times the lag of the panel's light
-TOLERANCE = 0.05  # share: the worst class of meters
+GREY = 1 / 2.2  # exponent from a share of the light to a pixel value
+WARM_WHITE = PanelPhysics(warm_up_share=0.0)  # 200 cd/m^2, 0.2945 + 0.3716 W
+SHARES = PanelPhysics(1.0, 0.0, warm_up_share=0.0, lag=1e-9, base_power=0.0, power_per_luminance=1.0)
+OPENERS: dict[InstrumentKind, Callable[..., Any]] = {
+    InstrumentKind.LUMINANCE: partial(rigs.luminance_meter_of, ask=None),
+    InstrumentKind.POWER: rigs.power_meter_of,
+    InstrumentKind.BACKLIGHT: partial(rigs.backlight_of, curve_known=True),
+}
+TOLERANCE = 0.015  # share of a simulated panel's light or power: what meters repeat, several times over,
+FLOOR = {"cd/m^2": 0.02, "W": 0.005}  # and the last digits of a small value
 
 
 class BrokenPromiseError(AssertionError):
@@ -30,29 +40,66 @@ def promised(holds: object, words: str) -> None:
         raise BrokenPromiseError(words)
 
 
+class Screen(SimulatedPanel):
+    """A rig's screen: what it shows, and when, is known as shares of its most light and power."""
+
+    def __init__(self, window: Window, backlight: Backlight | None = None) -> None:
+        super().__init__(SHARES, window.now)
+        self._window, self._backlight, self.clock = window, backlight, window.now
+
+    def show(self, pixel_value: float) -> None:
+        """Show a grey from now on."""
+        self._window.framebuffer().clear(pixel_value, pixel_value, pixel_value, 1.0)
+        self._window.flip()
+        super().show(pixel_value)
+
+    def set_backlight(self, factor: float) -> None:
+        """Take a share of the power: by the backlight, or by the pixels where it has none."""
+        if self._backlight is None:
+            self.show(factor**GREY)
+        else:
+            factor = self._backlight.set_factor(max(factor, self._backlight.smallest_factor()))
+        super().set_backlight(factor)
+
+
+@contextmanager
+def opened_screen(rig: Rig, kind: InstrumentKind) -> Iterator[Screen]:
+    """Yield the screen of a rig, white, for a meter of a kind."""
+    from evenlight.hardware.rig_windows import open_window
+
+    with ExitStack() as opened:
+        window = open_window(rig, rehearsal=True)  # any rate will do: nothing moves
+        opened.callback(window.close)
+        backlight = rigs.open_backlight(rig, window.now) if kind is InstrumentKind.POWER else None
+        screen = Screen(window, backlight and opened.enter_context(backlight))
+        screen.show(1.0)
+        yield screen
+
+
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """A device that is open, and what it looks at."""
+    """A device that is open, and what it measures or dims."""
 
+    subject: Subject
     checked: Any  # its driver under guard, so that what it returns is known to be possible
-    simulation: Simulation | None  # a warm white panel, in real time; None on a real instrument
+    panel: SimulatedPanel | None  # None where nothing is known of what it measures
+    clock: Callable[[], float] = time.monotonic  # [s]
+    wait: Callable[[float], None] = time.sleep  # [s]
 
     @property
     def device(self) -> Any:
         """The driver itself, unguarded."""
         return self.checked.unguarded()
 
-    def show(self, share: float, kind: InstrumentKind) -> float | None:
-        """Change the panel, and return its luminance [cd/m^2] or power [W]; None on a real instrument."""
-        if self.simulation is None:
-            return None
-        panel = self.simulation.panel
-        if kind is InstrumentKind.LUMINANCE:
-            panel.show(share)
-            return panel.luminance()
-        panel.set_backlight(share)
-        time.sleep(SETTLED)
-        return panel.power()
+    @property
+    def exact(self) -> SimulatedPanel | None:
+        """The panel, if its light and power are known in their units."""
+        return None if isinstance(self.panel, Screen) else self.panel
+
+    def require_near(self, value: float, true: float, unit: str) -> None:
+        """Refuse a value that a simulated panel does not have."""
+        near = not self.exact or abs(value - true) <= TOLERANCE * true + FLOOR[unit]
+        promised(near, f"gave {value:.5g} {unit} where the panel has {true:.5g} {unit}")
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,45 +108,22 @@ class Subject:
 
     kind: InstrumentKind
     named: NamedDriver
+    screen: Screen | None = None  # that an instrument at an address looks at, or feeds
 
     @property
-    def emulated(self) -> bool:
-        """Whether it is tried on its emulated instrument."""
-        return self.named.emulated
+    def simulated(self) -> bool:
+        """Whether it looks at a simulated panel."""
+        return self.named.emulated or self.named.name == SIMULATED
 
     @contextmanager
     def bench(self) -> Iterator[Bench]:
-        """Yield the driver, open; whoever asks closes it."""
-        simulation = warm_white_panel() if self.emulated or self.named.name == SIMULATED else None
-        seen = simulation or warm_white_panel()
-        device = rig.guarded(
-            GUARDS[self.kind], self.named, lambda named: self._opened(named, simulation), seen
-        )
-        with device.link:
-            yield Bench(device, simulation)
-
-    def _opened(self, named: NamedDriver, simulation: Simulation | None) -> Any:
-        """Return the driver at its address, or the simulated device."""
-        if self.kind is InstrumentKind.LUMINANCE:
-            return rig.luminance_meter_of(named, time.monotonic, simulation, None)
-        if self.kind is InstrumentKind.POWER:
-            return rig.power_meter_of(named, time.monotonic, simulation)
-        return rig.backlight_of(named, time.monotonic, simulation, curve_known=True)
-
-    def use(self, device: Any, rate: float = 20.0) -> object:
-        """Ask a device once what its kind is for."""
-        if self.kind is InstrumentKind.LUMINANCE:
-            return device.read_luminance()
-        return device.start(rate) if self.kind is InstrumentKind.POWER else device.set_factor(0.5)
-
-
-def warm_white_panel() -> Simulation:
-    """Return a panel in real time; its luminance is 200 cd/m^2, and its power 0.2945 + 0.3716 W."""
-    import numpy as np
-
-    panel = SimulatedPanel(PanelPhysics(warm_up_share=0.0), time.monotonic)
-    panel.show(1.0)
-    return Simulation(panel, np.random.default_rng(SEED), time.monotonic, time.sleep)
+        """Yield the driver, open."""
+        seen = bench_for(f"{SIMULATED}:" * self.named.emulated + self.named.name, WARM_WHITE)
+        clock = self.screen.clock if self.screen else seen.clock
+        opened = partial(OPENERS[self.kind], clock=clock, simulation=seen.simulation)
+        with rigs.guarded(GUARDS[self.kind], self.named, opened, seen.simulation) as device:
+            panel = seen.simulation.panel if seen.simulation else self.screen
+            yield Bench(self, device, panel, clock, seen.wait)
 
 
 def refusal(ask: Callable[[], object], what: str, *faults: Fault) -> InstrumentError:
@@ -107,15 +131,10 @@ def refusal(ask: Callable[[], object], what: str, *faults: Fault) -> InstrumentE
     try:
         returned = ask()
     except InstrumentError as error:
-        require_told(error)
+        words = str(error)
+        promised(words.strip() and "\n" not in words, f"an error must be one line of words, got {words!r}")
         promised(error.fault in faults, f"{what}: the fault is {error.fault.value}: {error}")
         return error
     except Exception as error:
         raise BrokenPromiseError(f"{what}: raised {type(error).__name__}: {error}") from error
     raise BrokenPromiseError(f"{what}: returned {returned!r:.80} in place of an error")
-
-
-def require_told(error: InstrumentError) -> None:
-    """Refuse an error that says nothing, or more than one line."""
-    words = str(error)
-    promised(words.strip() and "\n" not in words, f"an error must be one line of words, got {words!r}")

@@ -52,13 +52,15 @@ PARSED = {
 
 
 def on_simulations(words: list[str]) -> None:
-    """Instruments at a port are simulated; those whose zero is set are drivers on emulated ones."""
+    """Instruments at a port are simulated; whose zero is set or who conform are drivers on emulated ones."""
+    if words[:2] == ["measure", "conform"] and "--rig" in words:
+        del words[words.index("--rig") : words.index("--rig") + 2]
     for k, word in enumerate(words):
         driver, colon, address = word.partition(":")
         if BACKLIGHT.match(word):
             words[k] = "simulated"
         elif colon and driver not in ("exec", "simulated", "battery") and PORT.match(address) and address:
-            words[k] = f"simulated:{driver}" if "zero" in words else "simulated"
+            words[k] = f"simulated:{driver}" if words[1] in ("zero", "conform") else "simulated"
         elif word == "adb:":
             words[k] = "simulated"
     if words[:2] == ["measure", "headset"] and "--rig" not in words:

@@ -10,23 +10,24 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
+import numpy as np
 from emulators.link import ExtraReply, FaultPlan, LinkFault
 from emulators.ours import OURS, LinkKind, open_at
 
+from evenlight.hardware.conformance.devices import SETTLED, use
 from evenlight.hardware.conformance.subject import (
-    SETTLED,
     TOLERANCE,
+    WARM_WHITE,
     Bench,
     BrokenPromiseError,
     Subject,
     promised,
     refusal,
-    require_told,
-    warm_white_panel,
 )
 from evenlight.hardware.guarded_devices import GUARDS
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
+from evenlight.hardware.simulated.panel import SimulatedPanel, Simulation
 
 TIMEOUT = 0.3  # [s] that a reply may take,
 LATE = 0.5  # and that of a late one
@@ -52,7 +53,18 @@ WORDS: dict[LinkFault | ExtraReply, str] = {
 class LinkedBench(Bench):
     """A device that is open on a link."""
 
-    link: Any
+    link: Any = None
+
+    def show(self, share: float) -> float:
+        """Change the panel, and return its luminance [cd/m^2] or power [W]."""
+        panel = self.panel
+        assert panel is not None
+        if self.subject.kind is InstrumentKind.LUMINANCE:
+            panel.show(share)
+            return panel.luminance()
+        panel.set_backlight(share)
+        time.sleep(SETTLED)
+        return panel.power()
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,14 +94,22 @@ class FaultySubject(Subject):
         with OURS[self.kind, self.named.name].linked(simulation, plan) as link:
             # Unguarded: what is wrong when it is opened is seen as it is.
             device = open_at(self.kind, self.named.name, link.url, time.monotonic, timeout)
-            yield LinkedBench(GUARDS[self.kind](self.named, lambda: device), simulation, link)
+            guarded = GUARDS[self.kind](self.named, lambda: device)
+            yield LinkedBench(self, guarded, simulation.panel, link=link)
 
     def use_absent(self) -> object:
         """Open the driver where its emulated instrument was and is no more, and ask it once."""
         with self.bench() as bench:
             bench.device.close()
         with open_at(self.kind, self.named.name, bench.link.url, time.monotonic) as device:
-            return self.use(device)
+            return use(LinkedBench(self, GUARDS[self.kind](self.named, lambda: device), None))
+
+
+def warm_white_panel() -> Simulation:
+    """Return a panel in real time; its luminance is 200 cd/m^2, and its power 0.2945 + 0.3716 W."""
+    panel = SimulatedPanel(WARM_WHITE, time.monotonic)
+    panel.show(1.0)
+    return Simulation(panel, np.random.default_rng(5), time.monotonic, time.sleep)
 
 
 def absent_is_named(subject: FaultySubject) -> None:
@@ -148,27 +168,26 @@ def _session(subject: FaultySubject, plan: FaultPlan) -> Iterator[LinkedBench | 
                 bench.device.close()
 
 
-def _watch_luminance(bench: Bench, what: str) -> None:
+def _watch_luminance(bench: LinkedBench, what: str) -> None:
     """Refuse a reading of another luminance than that shown."""
     for share in SHARES:
-        true = bench.show(share, InstrumentKind.LUMINANCE)
+        true = bench.show(share)
         try:
             value = bench.checked.read_luminance().value
         except InstrumentError as error:
             require_told(error)
             continue
-        assert true is not None
         promised(abs(value - true) <= TOLERANCE * true, f"{what}: gave {value:.5g} for {true:.5g} cd/m^2")
 
 
-def _watch_power(bench: Bench, what: str) -> None:
+def _watch_power(bench: LinkedBench, what: str) -> None:
     """Refuse a power that the panel never had, and at the end one that it has no more."""
-    true = [bench.show(share, InstrumentKind.POWER) or 0.0 for share in SHARES[:2]]
+    true = [bench.show(share) for share in SHARES[:2]]
     low, high = min(true) * (1 - TOLERANCE), max(true) * (1 + TOLERANCE)
     try:
         bench.checked.start(RATE)
         for share in SHARES[:2]:
-            last, end = bench.show(share, InstrumentKind.POWER) or 0.0, time.monotonic() + LONGEST_LAG
+            last, end = bench.show(share), time.monotonic() + LONGEST_LAG
             seen = 0.0
             while abs(seen - last) > TOLERANCE * last:
                 promised(time.monotonic() < end, f"{what}: gives {seen:.5g} W on and on for {last:.5g} W")
@@ -180,9 +199,9 @@ def _watch_power(bench: Bench, what: str) -> None:
         require_told(error)
 
 
-def _watch_backlight(bench: Bench, what: str) -> None:
+def _watch_backlight(bench: LinkedBench, what: str) -> None:
     """Refuse a setting that the panel does not have."""
-    assert bench.simulation is not None
+    assert bench.panel is not None
     for share in SHARES:
         try:
             achieved = bench.checked.set_factor(share)
@@ -191,13 +210,13 @@ def _watch_backlight(bench: Bench, what: str) -> None:
             require_told(error)
             continue
         time.sleep(SETTLED)
-        light = bench.simulation.panel.luminance() / 200.0
+        light = bench.panel.luminance() / 200.0
         promised(abs(light - achieved) <= 0.01, f"{what}: said {achieved:.4g}, and shines with {light:.4g}")
         same = abs(reported - achieved) <= bench.checked.step()
         promised(same, f"{what}: set {achieved:g}, reports {reported:g}")
 
 
-_watch: dict[InstrumentKind, Callable[[Bench, str], None]] = {
+_watch: dict[InstrumentKind, Callable[[LinkedBench, str], None]] = {
     LUMINANCE: _watch_luminance,
     POWER: _watch_power,
     BACKLIGHT: _watch_backlight,
@@ -241,6 +260,12 @@ def require_told_not_restored(breakable: Breakable) -> None:
                 promised(noted, "the exception under way has no note of it")
             except InstrumentError as error:
                 raise BrokenPromiseError(f"hides the exception that was under way behind {error}") from error
+
+
+def require_told(error: InstrumentError) -> None:
+    """Refuse an error that says nothing, or more than one line."""
+    words = str(error)
+    promised(words.strip() and "\n" not in words, f"an error must be one line of words, got {words!r}")
 
 
 class _SomethingElseError(Exception):

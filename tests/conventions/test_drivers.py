@@ -2,6 +2,8 @@
 
 import os
 import shutil
+import subprocess
+import sys
 import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -13,17 +15,17 @@ from typing import Any
 import line_faults as faults
 import pytest
 from emulators import ddc_monitor
+from emulators.link import ExtraReply
 from emulators.ours import OURS, attach
-from line_faults import Breakable, FaultySubject, require_told_not_restored
+from line_faults import Breakable, FaultySubject, require_told_not_restored, warm_white_panel
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware import rig as rigs
 from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight
 from evenlight.hardware.backlights import LoggedBacklight
-from evenlight.hardware.conformance import working
-from evenlight.hardware.conformance.conform import INTERFACE, WORKING, Promise, nothing_left_open
-from evenlight.hardware.conformance.interface import import_failure
-from evenlight.hardware.conformance.subject import Subject, warm_white_panel
+from evenlight.hardware.conformance import meters
+from evenlight.hardware.conformance.conform import PROMISES, nothing_left_open
+from evenlight.hardware.conformance.subject import Subject
 from evenlight.hardware.driver import SIMULATED, NamedDriver
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
 from evenlight.hardware.installed_drivers import InstrumentKind
@@ -50,23 +52,15 @@ WITHOUT_EMULATOR = ("manual", "sysfs", SIMULATED)
 AT_ONCE = 24  # devices
 # One after the other: a PPK2 sends 100 000 samples a second, which the others' threads would make late.
 ALONE = (("ppk2",),)
-TOLD = (
-    Promise("tells of an instrument that is not there", faults.absent_is_named),
-    Promise("tells of a cable that is pulled", faults.pulled_cable_is_told),
-    Promise("tells of a backlight that cannot be put back", faults.not_restored_is_told, (BACKLIGHT,)),
-)
-NOTHING_MADE_UP = [
-    Promise(f"makes nothing up where a reply {words}", faults.nothing_is_made_up(fault))
-    for fault, words in faults.WORDS.items()
-]
-IMPORTS = "is imported where no device library is installed"
+LIBRARIES = ("serial", "ppk2_api", "monitorcontrol", "pyvisa", "pyvisa_py", "psychopy")  # of devices
+# About the clock: tests/hardware/test_conformance.py tries them on one that it sets.
+IN_TIME = (meters.power_keeps_time, meters.power_follows)
 
 
 @pytest.fixture(autouse=True)
 def _patient(monkeypatch: pytest.MonkeyPatch) -> None:
     """What only ends a hang, or tells it, is generous: two dozen threads share a busy machine."""
     monkeypatch.setattr(faults, "LONGEST_LAG", PATIENT)
-    monkeypatch.setattr(working, "AT_ONCE", PATIENT / 6)  # far below the time-out of what does wait
     monkeypatch.setattr(ddc_monitor, "PATIENCE", faults.TIMEOUT)
 
 
@@ -74,36 +68,38 @@ def called(subject: Subject) -> str:
     return f"{subject.kind.name.lower()} {subject.named.name}"
 
 
-def tried(promise: Promise) -> list[Subject]:
-    """The drivers that a promise can be tried on here."""
+Check = Callable[[Subject], None]
+
+
+def kept(promise: Callable[[Any], None]) -> Check:
+    """A promise, tried on a driver that is opened for it."""
+
+    def check(subject: Subject) -> None:
+        with subject.bench() as bench, bench.checked:
+            promise(bench)
+
+    return check
+
+
+def faulty(kind: InstrumentKind | None = None, *, line: bool = True) -> list[FaultySubject]:
+    """The drivers that have emulated instruments: of a kind, at the end of a line."""
     return [
         one
         for one in SUBJECTS
-        if one.kind in promise.kinds
-        and not promise.untried(one)
-        and not (promise.opens and one.named.name in ("manual", "sysfs"))
-        and (promise not in TOLD or isinstance(one, FaultySubject))
-        and (
-            promise not in (*TOLD[1:], *NOTHING_MADE_UP) or (isinstance(one, FaultySubject) and one.has_line)
-        )
+        if isinstance(one, FaultySubject) and kind in (None, one.kind) and (one.has_line or not line)
     ]
 
 
-def samples_quickly(promise: Promise, subject: Subject) -> bool:
-    """Whether it is the one promise of one driver that depends on how soon threads are woken."""
-    return promise.check is working.power_is_sampled and subject.named.name == "ppk2"
-
-
-def keep(pairs: list[tuple[Promise, Subject]], at_once: int = AT_ONCE) -> None:
+def keep(pairs: list[tuple[Check, Any]], at_once: int = AT_ONCE) -> None:
     """Try promises at once, for devices wait more than they work; what is left open is counted at the end."""
     assert pairs
 
-    def tried_once(pair: tuple[Promise, Subject]) -> str:
-        promise, subject = pair
+    def tried_once(pair: tuple[Check, Any]) -> str:
+        check, subject = pair
         try:
-            promise.check(subject)
+            check(subject)
         except Exception as error:
-            return f"{called(subject)}: {promise.words}: {error!r}"
+            return f"{called(subject)}: {error!r}"
         return ""
 
     queues = [[pair for pair in pairs if pair[1].named.name in names] for names in ALONE]
@@ -114,39 +110,48 @@ def keep(pairs: list[tuple[Promise, Subject]], at_once: int = AT_ONCE) -> None:
     assert list(filter(None, said)) == []
 
 
-@pytest.mark.real_time  # emulated devices count energy, and answer within tenths of a second, by the clock
+@pytest.mark.real_time  # emulated devices answer within tenths of a second, by the clock
 @pytest.mark.parametrize(
-    "promise", [one for one in (*INTERFACE, *WORKING, *TOLD) if one.words != IMPORTS], ids=lambda p: p.words
+    "promise",
+    dict.fromkeys(one for kind in PROMISES.values() for one in kind if one not in IN_TIME),
+    ids=lambda p: p.__name__,
 )
-def test_every_driver_keeps_its_promises(promise: Promise) -> None:
-    pairs = [(promise, one) for one in tried(promise) if not samples_quickly(promise, one)]
-    # A port that is gone must not come back as that of another device.
-    keep(pairs, 1 if promise is TOLD[0] else AT_ONCE)
+def test_every_driver_keeps_its_promises(promise: Callable[[Any], None]) -> None:
+    subjects = [
+        one for one in SUBJECTS if promise in PROMISES[one.kind] and one.named.name not in ("manual", "sysfs")
+    ]
+    keep([(kept(promise), one) for one in subjects])
 
 
-@pytest.mark.real_time  # emulated, it sends its samples 100 000 times a second
-def test_the_ppk2_samples_as_every_driver_promises() -> None:
-    pairs = [(promise, one) for promise in WORKING for one in tried(promise) if samples_quickly(promise, one)]
-    assert len(pairs) == 1
-    keep(pairs)
+@pytest.mark.real_time
+def test_every_driver_tells_of_what_is_not_there_or_goes_away() -> None:
+    keep([(faults.absent_is_named, one) for one in faulty(line=False)], 1)  # no port comes back as another's
+    pairs: list[tuple[Any, Any]] = [(faults.pulled_cable_is_told, one) for one in faulty()]
+    keep([*pairs, *((faults.not_restored_is_told, one) for one in faulty(BACKLIGHT))])
 
 
 @pytest.mark.real_time  # each emulated device answers within the tenths of a second that its driver waits
 def test_no_driver_makes_up_a_reading_where_a_reply_goes_wrong() -> None:
     """The faults that test_luminance_meter_links.py and test_power_links.py have not; of `exec`, all."""
-    there = {
-        one
-        for words in ("does not", "late", "breaks off", "garbage")
-        for one in NOTHING_MADE_UP
-        if words in one.words
-    }
-    assert len(there) == 4
-    pairs = [(promise, one) for promise in NOTHING_MADE_UP for one in tried(promise)]
-    keep([(promise, one) for promise, one in pairs if promise not in there or one.named.name == "exec"])
+    keep(
+        [
+            (faults.nothing_is_made_up(fault), one)
+            for fault in faults.WORDS
+            for one in faulty()
+            if isinstance(fault, ExtraReply) or one.named.name == "exec"
+        ]
+    )
 
 
 def test_every_driver_is_imported_on_a_computer_without_device_libraries() -> None:
-    assert import_failure([one.named.driver for one in SUBJECTS]) == ""
+    """In a process of its own, where importing one of them fails."""
+    modules = dict.fromkeys(one.named.driver.load().__module__ for one in SUBJECTS)
+    lines = [f"import sys; sys.path[:] = {sys.path!r}; sys.modules.update(dict.fromkeys({LIBRARIES}))"]
+    lines += [f"import {module}" for module in modules]
+    done = subprocess.run(
+        [sys.executable, "-c", "\n".join(lines)], capture_output=True, text=True, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 @pytest.mark.parametrize("subject", SUBJECTS, ids=called)

@@ -1,4 +1,7 @@
-"""The conformance test finds what is wrong: the example's drivers, each with one promise broken."""
+"""The conformance test finds what is wrong, also in time: simulated instruments, each with one fault.
+
+They are on a clock that goes only where something waits, so nothing depends on how busy the computer is.
+"""
 
 import sys
 from collections.abc import Iterator
@@ -6,20 +9,428 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from emulators.link import LinkFault
 from emulators.ours import OURS, Emulated, LinkKind
 from line_faults import FaultySubject, not_restored_is_told, nothing_is_made_up
 
 import evenlight
+from evenlight import PowerSample, Reading
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.conformance.conform import PROMISES, Promise, broken, conform, subject_named
-from evenlight.hardware.conformance.subject import Subject
-from evenlight.hardware.driver import NamedDriver
-from evenlight.hardware.installed_drivers import InstrumentKind
+from evenlight.hardware.conformance.conform import PROMISES, broken, conform
+from evenlight.hardware.conformance.subject import BrokenPromiseError, Screen, Subject
+from evenlight.hardware.driver import Driver, NamedDriver
+from evenlight.hardware.installed_drivers import InstrumentKind, find_driver_of
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.hardware.simulated.clocks import WaitingClock
+from evenlight.hardware.simulated.luminance_meter import MeterPhysics, SimulatedLuminanceMeter
+from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedBacklight, SimulatedPanel, Simulation
+from evenlight.hardware.simulated.power_meter import PowerMeterPhysics, SimulatedPowerMeter
 
 EXAMPLE = Path(evenlight.__file__).parents[1] / "examples" / "evenlight-instruments"
-DRIVERS = {InstrumentKind.LUMINANCE: "SPOT", InstrumentKind.POWER: "WATT", InstrumentKind.BACKLIGHT: "LAMP"}
+LUMINANCE, POWER, BACKLIGHT = InstrumentKind
+RIGHT = {LUMINANCE: SimulatedLuminanceMeter, POWER: SimulatedPowerMeter, BACKLIGHT: SimulatedBacklight}
+
+
+def subject_of(kind: InstrumentKind, cls: type[Any]) -> Subject:
+    """A simulated device of a class."""
+    return Subject(kind, NamedDriver("simulated", Driver(cls, "tried", "simulated"), "", emulated=False))
+
+
+def faults_found(subject: Subject) -> str:
+    """All that is said of the promises of a driver that are broken."""
+    lines: list[str] = []
+    _, n_broken, _ = conform(subject, lines.append)
+    said = [line for line in lines if line.startswith("BROKEN")]
+    assert len(said) == n_broken
+    assert all("\n" not in line for line in said)
+    return "; ".join(said)
+
+
+@pytest.mark.parametrize("kind", RIGHT, ids=lambda kind: kind.name)
+def test_a_right_one_breaks_no_promise(kind: InstrumentKind) -> None:
+    assert faults_found(subject_of(kind, RIGHT[kind])) == ""
+
+
+@pytest.mark.parametrize(
+    "physics",
+    [
+        PowerMeterPhysics(lost_share=0.1, duplicated_share=0.05),  # told by the count
+        PowerMeterPhysics(clock_start=-7e4, clock_drift=2e-3),  # told by pings
+        PowerMeterPhysics(receive_jitter=0.01, noise=0.005),
+        PowerMeterPhysics(gain_error=0.01),
+    ],
+    ids=["lossy", "another clock", "late and noisy", "1 % high"],
+)
+def test_a_power_meter_that_tells_its_shortcomings_breaks_none(physics: PowerMeterPhysics) -> None:
+    class Meter(SimulatedPowerMeter):
+        def __init__(self, simulation: Simulation) -> None:
+            super().__init__(simulation, physics)
+
+    assert faults_found(subject_of(POWER, Meter)) == ""
+
+
+@pytest.mark.parametrize(
+    "physics",
+    [
+        MeterPhysics(lowest=0.3, highest=20_000.0, resolution=0.0, dark_reading_time=20.0),
+        MeterPhysics(proportional_noise=0.004, calibration_error=0.005),
+    ],
+    ids=["none in the dark", "noisy"],
+)
+def test_a_luminance_meter_that_tells_its_range_breaks_none(physics: MeterPhysics) -> None:
+    class Meter(SimulatedLuminanceMeter):
+        def __init__(self, simulation: Simulation) -> None:
+            super().__init__(simulation, physics)
+
+    assert faults_found(subject_of(LUMINANCE, Meter)) == ""
+
+
+class Polled(SimulatedPowerMeter):
+    """A power meter whose samples another class changes."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(simulation, PowerMeterPhysics(noise=0.0, receive_jitter=1e-4))
+        self.came: list[float] = []
+
+    def start(self, rate: float) -> float:
+        self.came, self.asked = [], rate
+        return super().start(rate)
+
+    def samples(self) -> list[PowerSample]:
+        return [changed for one in super().samples() for changed in self.changed(one)]
+
+    def stop(self) -> list[PowerSample]:
+        return [changed for one in super().stop() for changed in self.changed(one)]
+
+    def changed(self, sample: PowerSample) -> list[PowerSample]:
+        self.came.append(sample.power)
+        return [replace(sample, power=self.power())]
+
+    def power(self) -> float:
+        return self.came[-1]
+
+
+class Milliwatts(Polled):
+    def power(self) -> float:
+        return self.came[-1] * 1000
+
+
+class SixPercentHigh(Polled):
+    def power(self) -> float:
+        return self.came[-1] * 1.02 + 0.03
+
+
+class EverySecondStale(Polled):
+    def power(self) -> float:
+        return self.came[-1 - (len(self.came) % 2 == 0)]
+
+
+class MeanOfASecond(Polled):
+    def power(self) -> float:
+        return float(np.mean(self.came[-round(self.asked) :]))
+
+
+class Late(Polled):
+    """0.4 s."""
+
+    def power(self) -> float:
+        return self.came[max(len(self.came) - 1 - round(0.4 * self.asked), 0)]
+
+
+class HalfTheRate(Polled):
+    def start(self, rate: float) -> float:
+        super().start(rate / 2)
+        return rate
+
+
+class LosesEveryTenth(Polled):
+    """And counts on without a gap."""
+
+    def changed(self, sample: PowerSample) -> list[PowerSample]:
+        k = sample.sequence
+        return [] if k % 10 == 9 else [replace(sample, sequence=k - k // 10)]
+
+
+class AnHourOff(Polled):
+    def changed(self, sample: PowerSample) -> list[PowerSample]:
+        return [replace(sample, device_time=sample.device_time + 3600)]
+
+
+class WaitsForASample(Polled):
+    def samples(self) -> list[PowerSample]:
+        self._simulation.wait(0.6)
+        return super().samples()
+
+
+class Never(Polled):
+    def changed(self, sample: PowerSample) -> list[PowerSample]:
+        return []
+
+
+class GoesBack(Polled):
+    def changed(self, sample: PowerSample) -> list[PowerSample]:
+        return [sample, replace(sample, sequence=max(sample.sequence - 1, 0))]
+
+
+class AnyRate(Polled):
+    def start(self, rate: float) -> float:
+        super().start(20.0)
+        return 20.0
+
+
+class Unstarted(Polled):
+    def samples(self) -> list[PowerSample]:
+        return super().samples() if self._sampling else []
+
+
+class Seen(SimulatedLuminanceMeter):
+    """A luminance meter whose readings another class changes."""
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(simulation, MeterPhysics(proportional_noise=0.0, floor_noise=0.0))
+        self.came: list[float] = []
+
+    def read_luminance(self) -> Reading:
+        reading = super().read_luminance()
+        self.came.append(reading.value)
+        return self.changed(reading)
+
+    def changed(self, reading: Reading) -> Reading:
+        return replace(reading, value=self.value())
+
+    def value(self) -> float:
+        return self.came[-1]
+
+
+class FootLamberts(Seen):
+    def value(self) -> float:
+        return self.came[-1] / 3.426
+
+
+class FourPercentLow(Seen):
+    def value(self) -> float:
+        return self.came[-1] * 0.96
+
+
+class OneBehind(Seen):
+    def value(self) -> float:
+        return self.came[-2:][0]
+
+
+class EveryThirdStale(Seen):
+    def value(self) -> float:
+        return self.came[-2] if len(self.came) % 3 == 0 else self.came[-1]
+
+
+class Averaging(Seen):
+    """Each weighs half of the one after."""
+
+    mean: float | None = None
+
+    def value(self) -> float:
+        self.mean = self.came[-1] if self.mean is None else 0.5 * self.mean + 0.5 * self.came[-1]
+        return self.mean
+
+
+class ClippedBelow(Seen):
+    """2 cd/m^2, and its range is not told."""
+
+    def value(self) -> float:
+        return max(self.came[-1], 2.0)
+
+
+class ClippedAbove(Seen):
+    def value(self) -> float:
+        return min(self.came[-1], 99.99)
+
+
+class AnHourAgo(Seen):
+    def changed(self, reading: Reading) -> Reading:
+        return replace(reading, begun=reading.begun - 3600, ended=reading.ended - 3600)
+
+
+class Nits(Seen):
+    def changed(self, reading: Reading) -> Reading:
+        return replace(reading, unit="nit")
+
+
+class Divides(Seen):
+    def value(self) -> float:
+        return 1 / 0
+
+
+class Exits(Seen):
+    def value(self) -> float:
+        sys.exit(0)
+
+
+class SaysNothing(Seen):
+    def apparatus(self) -> dict[str, str]:
+        return {}
+
+
+class ZeroesUnasked(Seen):
+    def zero(self) -> None:
+        return None
+
+
+class WorksClosed(Seen):
+    def _require_open(self) -> None:
+        return
+
+
+class Lamp(SimulatedBacklight):
+    pass
+
+
+class Square(Lamp):
+    def _set(self, step: int) -> None:
+        super()._set(max(1, round(step * step / self._steps)))
+
+
+class OneSettingBehind(Lamp):
+    before = 4095
+
+    def _set(self, step: int) -> None:
+        super()._set(self.before)
+        self.before = step
+
+    def read_factor(self) -> float:
+        return self.before / self._steps
+
+
+class Floors(Lamp):
+    def set_factor(self, factor: float) -> float:
+        super().set_factor(factor)
+        self._set(int(factor * self._steps))
+        return int(factor * self._steps) / self._steps
+
+
+class TakesAny(Lamp):
+    def set_factor(self, factor: float) -> float:
+        try:
+            return super().set_factor(factor)
+        except InstrumentError:
+            return factor
+
+
+class LeftDim(Lamp):
+    def close(self) -> None:
+        self._closed = True
+
+
+@pytest.mark.parametrize(
+    ("mutant", "said"),
+    [
+        (Milliwatts, "W where the panel has 0."),
+        (SixPercentHigh, "W where the panel has 0."),
+        (EverySecondStale, "% of its samples repeat the one before, of another power"),
+        (MeanOfASecond, "does not follow the power"),
+        (Late, "its samples are of the power 0.40 s before the time that they say"),
+        (HalfTheRate, "states 20 samples a second, and has 10"),
+        (LosesEveryTenth, "10% of its samples come after a gap that their count does not have"),
+        (AnHourOff, "after the start that it is of 36"),
+        (WaitsForASample, "samples() waits"),
+        (Never, "0 samples in 8 s"),
+        (GoesBack, "its samples go back"),
+        (AnyRate, "start(0): returned 20.0 in place of an error"),
+        (Unstarted, "samples() before start(): returned []"),
+        (FootLamberts, "gave 58.377 cd/m^2 where the panel has 200"),
+        (FourPercentLow, "gave 192 cd/m^2 where the panel has 200"),
+        (OneBehind, "gave 200 cd/m^2 where the panel has 60"),
+        (EveryThirdStale, "gave 60.14 cd/m^2 where the panel has 120"),
+        (Averaging, "cd/m^2 where the panel has 60"),
+        (ClippedBelow, "gave 2 cd/m^2 where the panel has 0.3998"),
+        (ClippedAbove, "gave 99.99 cd/m^2 where the panel has 200"),
+        (AnHourAgo, "says that it read from -3600 to -3600 s after it was asked"),
+        (Nits, "in 'cd/m^2', got Reading"),
+        (Divides, "ZeroDivisionError"),
+        (Exits, "SystemExit: 0"),
+        (SaysNothing, "a dictionary of words, got none"),
+        (ZeroesUnasked, "zero and before_zero come together"),
+        (WorksClosed, "asked when closed: returned"),
+        (Square, "it reports"),
+        (OneSettingBehind, "it shines with"),
+        (Floors, "not the nearest step"),
+        (TakesAny, "in place of an error"),
+        (LeftDim, "Leave the backlight as it was found: set to 1, it shines with 0.5"),
+    ],
+    ids=lambda one: getattr(one, "__name__", ""),
+)
+def test_a_subtly_wrong_one_is_told_by_what_it_did(mutant: type[Any], said: str) -> None:
+    kind = next(kind for kind, right in RIGHT.items() if issubclass(mutant, right))
+    assert said in faults_found(subject_of(kind, mutant))
+
+
+class Desk:
+    """A window and a backlight on a panel that is no model: 350 cd/m^2 at most, 1.1 W, gamma 2.1."""
+
+    def __init__(self) -> None:
+        self.clock = WaitingClock()
+        physics = PanelPhysics(350.0, 0.3, 2.1, warm_up_share=0.0, base_power=0.4, power_per_luminance=0.002)
+        self.panel = SimulatedPanel(physics, self.clock.now)
+        self.simulation = Simulation(self.panel, np.random.default_rng(2), self.clock.now, self.clock.wait)
+        self.now, self._grey = self.clock.now, 0.0
+
+    def framebuffer(self) -> "Desk":
+        return self
+
+    def clear(self, red: float, green: float, blue: float, alpha: float) -> None:
+        assert red == green == blue
+        self._grey = red
+
+    def flip(self) -> float:
+        self.clock.wait(1 / 60)
+        self.panel.show(self._grey)
+        return self.clock.now()
+
+
+def on_a_desk(kind: InstrumentKind, cls: type[Any], monkeypatch: pytest.MonkeyPatch) -> Subject:
+    """A device at an address, which looks at the screen of a rig, or feeds it."""
+    desk = Desk()
+    lamp = SimulatedBacklight(desk.now, follow=desk.panel.set_backlight) if kind is POWER else None
+    monkeypatch.setattr("evenlight.hardware.measuring.time.sleep", desk.clock.wait)
+
+    class AtAnAddress(cls):  # type: ignore[misc] # whichever is tried
+        def __init__(self, address: str, clock: Any, timeout: float | None = None) -> None:
+            super().__init__(desk.simulation)
+
+    named = NamedDriver("lab", Driver(AtAnAddress, "tried", "lab:PORT"), "PORT", emulated=False)
+    return Subject(kind, named, Screen(desk, lamp))  # type: ignore[arg-type] # as much of a window as is used
+
+
+@pytest.mark.parametrize(
+    ("mutant", "said"),
+    [
+        (SimulatedLuminanceMeter, ""),
+        (SimulatedPowerMeter, ""),
+        (EverySecondStale, "repeat the one before"),
+        (MeanOfASecond, "does not follow"),
+        (Late, "0.40 s before"),
+        (OneBehind, "for the same grey"),
+        (EveryThirdStale, "for the same grey"),
+        (Averaging, "for the same grey"),
+        (ClippedBelow, "gave 2 and 2 cd/m^2 for 0 and 0.001 of the light"),
+        (ClippedAbove, "gave 99.99 and 99.99 cd/m^2 for 0.3 and 0.6 of the light"),
+    ],
+    ids=lambda one: getattr(one, "__name__", ""),
+)
+def test_a_rigs_own_screen_tells_a_wrong_one_from_a_right_one(
+    mutant: type[Any], said: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    kind = next(kind for kind, right in RIGHT.items() if issubclass(mutant, right))
+    found = faults_found(on_a_desk(kind, mutant, monkeypatch))
+    assert said in found
+    assert bool(found) == bool(said)
+
+
+def test_without_a_rig_what_follows_is_not_tried(monkeypatch: pytest.MonkeyPatch) -> None:
+    lines: list[str] = []
+    subject = replace(on_a_desk(LUMINANCE, OneBehind, monkeypatch), screen=None)
+    assert conform(subject, lines.append)[2] == 1
+    assert [line for line in lines if "give --rig, whose screen the instrument looks at" in line]
 
 
 @pytest.fixture
@@ -29,36 +440,15 @@ def example(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     from evenlight_instruments import drivers
 
     yield drivers
-    while KEPT:
-        KEPT.pop()._line.close()
     for name in [name for name in sys.modules if name.partition(".")[0] == "evenlight_instruments"]:
         del sys.modules[name]
 
 
-def changed(example: Any, kind: InstrumentKind, **methods: Any) -> Subject:
+def changed(driver: Driver, **methods: Any) -> NamedDriver:
     """A driver of the example, some of whose methods are others."""
-    driver = getattr(example, DRIVERS[kind])
+    assert isinstance(driver.place, type)
     cls = type(driver.place.__name__, (driver.place,), methods)
-    driver = replace(driver, place=cls)
-    return Subject(kind, NamedDriver(driver.address.partition(":")[0], driver, "", emulated=True))
-
-
-def outcome(subject: Subject, words: str) -> str:
-    """What is said of a promise; nothing if it is kept."""
-    (promise,) = [one for one in PROMISES if words in one.words and subject.kind in one.kinds]
-    return broken(promise, subject)
-
-
-def reads(self: Any, value: float, unit: str = "cd/m^2") -> Any:
-    return evenlight.Reading(value, unit, self._clock(), self._clock())
-
-
-KEPT: list[Any] = []  # drivers that are not let go of
-
-
-def keeps_open(self: Any) -> None:
-    self._closed = True
-    KEPT.append(self)
+    return NamedDriver(driver.address.partition(":")[0], replace(driver, place=cls), "", emulated=True)
 
 
 def forgets_the_number(self: Any) -> Any:
@@ -67,70 +457,21 @@ def forgets_the_number(self: Any) -> Any:
     link = self._line._link
     link.write(b"#1 L?\n")
     line = link.read_line(self._line._timeout)
-    return reads(self, float(line.split()[1]))
+    return Reading(float(line.split()[1]), "cd/m^2", self._clock(), self._clock())
 
 
-def twice_and_back(self: Any) -> Any:
-    samples = [evenlight.PowerSample(k, 1.0 - k, 1.0, 0.6661) for k in range(2)]
-    return [one for one in samples if self._period]
+def test_what_is_left_open_is_counted(example: Any) -> None:
+    kept: list[Any] = []
 
+    def keeps_open(self: Any) -> None:
+        self._closed = True
+        kept.append(self)
 
-def floors(self: Any, factor: float) -> float:
-    """The lamp has 200 steps: 0.7133 is 142.66 of them."""
-    return self._set(int(factor * 200))
-
-
-LUMINANCE, POWER, BACKLIGHT = InstrumentKind
-
-
-@pytest.mark.parametrize(
-    ("kind", "methods", "promise", "said"),
-    [
-        (LUMINANCE, {"apparatus": None}, "each method", "there is no method apparatus"),
-        (LUMINANCE, {"read_luminance": lambda self, port: 1}, "each method", "takes ['self', 'port']"),
-        (LUMINANCE, {"zero": lambda self: None}, "each method", "come together"),
-        (LUMINANCE, {"read_luminance": lambda self: sys.exit(0)}, "reads luminances", "SystemExit: 0"),
-        (LUMINANCE, {"close": lambda self: sys.exit(0)}, "says what it is", "SystemExit: 0"),
-        (POWER, {"samples": twice_and_back}, "samples powers", "its samples go back"),
-        (LUMINANCE, {"read_luminance": lambda self: reads(self, 100.0)}, "reads luminances", "gave 100 cd/m"),
-        (
-            LUMINANCE,
-            {"read_luminance": lambda self: reads(self, 200.0, "nit")},
-            "reads luminances",
-            "in 'cd/m",
-        ),
-        (LUMINANCE, {"read_luminance": lambda self: 1 / 0}, "reads luminances", "ZeroDivisionError"),
-        (LUMINANCE, {"apparatus": lambda self: {}}, "says what it is", "a dictionary of words"),
-        (
-            LUMINANCE,
-            {"read_luminance": lambda self: reads(self, 1.0)},
-            "then refuses",
-            "in place of an error",
-        ),
-        (LUMINANCE, {"close": keeps_open}, "says what it is", "more files open than there were"),
-        (POWER, {"samples": lambda self: []}, "samples powers", "no sample in"),
-        (POWER, {"samples": lambda self: []}, "no samples before", "returned []"),
-        (POWER, {"start": lambda self, rate: 10.0}, "refuses rates", "start(0): returned 10.0"),
-        (BACKLIGHT, {"step": lambda self: 1e-4}, "nearest step", "set to 0.7133, and says 0.715"),
-        (BACKLIGHT, {"set_factor": floors}, "nearest step", "set to 0.7133, it is 0.71, not the nearest"),
-        (BACKLIGHT, {"set_factor": lambda self, factor: factor}, "nearest step", "it reports 1"),
-        (BACKLIGHT, {"set_factor": lambda self, factor: self._set(200)}, "refuses factors", "in place of an"),
-        (
-            BACKLIGHT,
-            {"close": lambda self: self._line.close()},
-            "as it was found",
-            "set to 1, it shines with",
-        ),
-    ],
-)
-def test_a_promise_that_is_broken_is_told_with_what_the_driver_did(
-    example: Any, kind: InstrumentKind, methods: dict[str, Any], promise: str, said: str
-) -> None:
-    assert outcome(changed(example, kind), promise) == "", "the example itself keeps it"
-    told = outcome(changed(example, kind, **methods), promise)
-    assert said in told
-    assert bool(told) == bool(said)
-    assert "\n" not in told
+    says_what_it_is = PROMISES[LUMINANCE][2]
+    assert broken(says_what_it_is, Subject(LUMINANCE, changed(example.SPOT))) == ""
+    told = broken(says_what_it_is, Subject(LUMINANCE, changed(example.SPOT, close=keeps_open)))
+    assert "more files open than there were" in told
+    kept.pop()._line.close()
 
 
 @pytest.mark.parametrize(
@@ -151,44 +492,16 @@ def test_a_driver_that_a_failing_line_deceives_is_found_by_the_tests_of_ours(
             return b""
 
     monkeypatch.setitem(OURS, (kind, "tried"), Emulated(Quiet, LinkKind.TERMINAL))
+    right = {LUMINANCE: example.SPOT, BACKLIGHT: example.LAMP}[kind]
     for changes in ({}, methods):
-        named = changed(example, kind, **changes).named
+        named = changed(right, **changes)
         monkeypatch.setitem(kind.ours, "tried", named.driver)
         subject = FaultySubject(kind, replace(named, name="tried"))
-        told = broken(Promise("", check), subject)
-        assert (said if changes else "") in told
-        assert bool(told) == bool(changes)
-
-
-def test_libraries_that_are_imported_too_early_are_named(
-    example: Any, tmp_path: Path, monkeypatch: Any
-) -> None:
-    (tmp_path / "early_driver.py").write_text("import serial\nclass Early:\n    pass\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    from early_driver import Early
-
-    driver = replace(example.SPOT, place=Early)
-    subject = Subject(LUMINANCE, NamedDriver("example-spot", driver, "", emulated=True))
-    assert "serial" in outcome(subject, "no device library")
-
-
-def test_what_a_person_types_in_is_not_tried() -> None:
-    lines: list[str] = []
-    kept, wrong, untried = conform(subject_named("manual", "luminance"), lines.append)
-    assert (kept, wrong, untried) == (2, 0, len(lines) - 2)
-    assert sum(line.startswith("not tried") for line in lines) == untried > 2
-
-
-def test_a_package_may_use_what_evenlight_itself_needs(
-    example: Any, tmp_path: Path, monkeypatch: Any
-) -> None:
-    (tmp_path / "array_driver.py").write_text("import numpy\nclass Arrays:\n    pass\n")
-    monkeypatch.syspath_prepend(tmp_path)
-    from array_driver import Arrays
-
-    driver = replace(example.SPOT, place=Arrays)
-    subject = Subject(LUMINANCE, NamedDriver("example-spot", driver, "", emulated=True))
-    assert outcome(subject, "no device library") == ""
+        if changes:
+            with pytest.raises(BrokenPromiseError, match=said):
+                check(subject)
+        else:
+            check(subject)
 
 
 @pytest.mark.parametrize(
@@ -203,4 +516,4 @@ def test_a_package_may_use_what_evenlight_itself_needs(
 )
 def test_a_name_that_says_no_driver_is_refused(name: str, kind: str | None, said: str) -> None:
     with pytest.raises(InputError, match=said):
-        subject_named(name, kind)
+        find_driver_of(name, kind)

@@ -16,15 +16,16 @@ import pytest
 from emulators.link import EmulatedLink, ExtraReply, LinkFault
 from emulators.ours import open_at
 from emulators.program import EmulatedProgram
+from line_faults import warm_white_panel
 
 import evenlight
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.conformance.conform import nothing_left_open
-from evenlight.hardware.conformance.subject import warm_white_panel
+from evenlight.hardware.conformance.conform import conform, nothing_left_open
+from evenlight.hardware.conformance.subject import Screen, Subject
 from evenlight.hardware.drivers.exec_program import ExecBacklight, ExecLuminanceMeter, ExecPowerMeter
 from evenlight.hardware.guarded_devices import GuardedBacklight, GuardedLuminanceMeter, GuardedPowerMeter
-from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
+from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, find_driver_of
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 GUIDE = Path(evenlight.__file__).parents[1] / "docs" / "drivers.md"
@@ -347,8 +348,46 @@ def test_ctrl_c_is_not_for_the_program() -> None:
 
 def test_the_program_of_the_guide_does_what_the_guide_says(tmp_path: Path) -> None:
     blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(), flags=re.DOTALL)
-    (text,) = [block for block in blocks if "sys.stdin" in block]
+    text = next(block for block in blocks if "sys.stdin" in block)
     script = tmp_path / "meter.py"
     script.write_text(text)
     with ExecLuminanceMeter(shlex.join([sys.executable, str(script)])) as meter:
         assert [meter.read_luminance().value for _ in range(2)] == [12.3, 12.3]
+
+
+def test_the_guides_program_for_a_serial_meter_conforms_before_a_screen(tmp_path: Path) -> None:
+    """25 lines at most; the meter answers from 0.1 cd/m^2, and is told to be out of range below."""
+    blocks = re.findall(r"```python\n(.*?)```", GUIDE.read_text(), flags=re.DOTALL)
+    text = next(block for block in blocks if "import serial" in block)
+    assert text.count("\n") <= 25
+    script, seen = tmp_path / "lx3.py", warm_white_panel()
+    script.write_text(text)
+
+    class Lx3:
+        def receive(self, data: bytes) -> bytes:
+            light = seen.panel.luminance()
+            return f"OK {light:.4g}\r\n".encode() if light > 0.5 else b"DARK\r\n"
+
+        def stream(self) -> bytes:
+            return b""
+
+    class Window:
+        now = staticmethod(time.monotonic)
+        grey = 1.0
+
+        def framebuffer(self) -> "Window":
+            return self
+
+        def clear(self, red: float, *_: float) -> None:
+            self.grey = red
+
+        def flip(self) -> float:
+            seen.panel.show(self.grey)
+            return time.monotonic()
+
+    lines: list[str] = []
+    with EmulatedLink(Lx3(), pseudo_terminal=True) as link:
+        address = shlex.join([sys.executable, str(script), link.url])
+        kind, named = find_driver_of(f"exec:{address}", "luminance")
+        found = conform(Subject(kind, named, Screen(Window())), lines.append)  # type: ignore[arg-type]
+    assert found == (4, 0, 0), lines
