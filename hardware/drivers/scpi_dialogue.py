@@ -56,9 +56,7 @@ class ScpiDialogue:
         self._is_serial = resource.upper().startswith("ASRL")
         self._is_stream = self._is_serial or resource.upper().endswith("::SOCKET")
         self._sent, self._rest = list[str](), b""
-        self._silence = (
-            0.0  # that the line has to keep before the next question, as an answer may be late [s]
-        )
+        self._silence = 0.0  # before the next question, where an answer may be late [s]
         self.came = 0.0  # when the last answer did, on the computer's own clock [s]
         self._resource: Any = None
         try:
@@ -195,18 +193,10 @@ class ScpiDialogue:
     def _identify(self, timeout: float) -> str:
         """Return what the instrument calls itself, each time that it is asked; refuse what speaks no SCPI."""
         names: list[str] = []
-        try:
-            finished(self._forget(QUIET))
-            for _ in range(2):
-                self.send(NAME)
-                names.append(finished(self._line(timeout)))
-        except InstrumentError as error:
-            if error.fault is Fault.DISCONNECTED:
-                raise InstrumentError(
-                    f"{self.name}: closed the connection at once; is another program connected to it?",
-                    Fault.BUSY,
-                ) from None
-            raise
+        finished(self._forget(QUIET))
+        for _ in range(2):
+            self.send(NAME)
+            names.append(finished(self._line(timeout)))
         if len(set(names)) > 1 or not IDENTITY.fullmatch(names[0]):
             answers = " and then ".join(repr(name[:SHOWN]) for name in dict.fromkeys(names))
             raise InstrumentError(
@@ -231,8 +221,10 @@ class ScpiDialogue:
         if isinstance(error, ConnectionRefusedError):  # PyVISA-py learns of it after it has opened a socket
             otherwise = Fault.NOT_FOUND
         words = str(error).partition("\n")[0]
-        hint = "; is it at this address, and its SCPI socket enabled?" if otherwise is Fault.NOT_FOUND else ""
-        return InstrumentError(f"{self.name}: cannot be reached ({words}){hint}", otherwise, code)
+        hint = "is another program connected to it?"
+        if otherwise is Fault.NOT_FOUND:
+            hint = "is it at this address, and its SCPI socket enabled?"
+        return InstrumentError(f"{self.name}: cannot be reached ({words}); {hint}", otherwise, code)
 
 
 def finished(dialogue: Generator[None, None, Value]) -> Value:

@@ -92,7 +92,7 @@ class ScpiPowerMeter(SamplingMeter):
     ) -> None:
         place, said = split_words(url, self.driver, OPTIONS)
         self._function, self._voltage, self._channel = _stated(said, f"{self.driver}:{url}")
-        resource = resource_name(place) if self.driver == "scpi" else place
+        resource = place if "::" in place or self.driver == "visa" else resource_name(place)
         self._name, self._clock, self._sampling = f"the SCPI instrument at {place}", clock, PolledSampling()
         timeout = TIMEOUT if timeout is None else timeout
         self._dialogue = ScpiDialogue(self._name, resource, timeout, self.backend)
@@ -200,9 +200,8 @@ class ScpiPowerMeter(SamplingMeter):
         for form in ("MEAS:{}?",) if self._channel is None else CHANNELS:
             for function in FUNCTIONS[self._function]:
                 questions = {form.format(name, self._channel): UNITS[name] for name in function}
-                if all(map(self._understands, questions, questions.values())) and self._selects(
-                    form, function
-                ):
+                known = all(map(self._understands, questions, questions.values()))
+                if known and self._selects(form, function[0]):
                     return questions
         wanted = self._function or "power, nor voltage and current"
         wanted += "" if self._channel is None else f", of a channel {self._channel}"
@@ -211,14 +210,14 @@ class ScpiPowerMeter(SamplingMeter):
             Fault.WRONG_INSTRUMENT,
         )
 
-    def _selects(self, form: str, function: Sequence[str]) -> bool:
+    def _selects(self, form: str, quantity: str) -> bool:
         """Return whether the instrument goes by the channel in a question, and does not answer for any."""
         if self._channel is None:
             return True
         if form == CHANNELS[-1]:
             selected = self._dialogue.answer_if_known(f"INST:NSEL {self._channel}\nINST:NSEL?", PROBE)
             return selected.strip().lstrip("+") == str(self._channel)
-        return not self._understands(form.format(function[0], NO_CHANNEL), UNITS[function[0]])
+        return not self._understands(form.format(quantity, NO_CHANNEL), UNITS[quantity])
 
     def _understands(self, question: str, unit: str) -> bool:
         """Return whether the instrument answers a question with a number."""
@@ -285,14 +284,17 @@ def _stated(said: Mapping[str, str], given: str) -> tuple[str, float | None, int
 
 
 def resource_name(place: str) -> str:
-    """Return PyVISA's name of a host, a host and port, or a serial port.
+    """Return PyVISA's name of a host, a host and port, a serial port, or a URL of pyserial.
 
-    >>> resource_name("192.0.2.7"), resource_name("192.0.2.7:5555"), resource_name("/dev/ttyUSB0")
-    ('TCPIP::192.0.2.7::5025::SOCKET', 'TCPIP::192.0.2.7::5555::SOCKET', 'ASRL/dev/ttyUSB0::INSTR')
+    >>> resource_name("192.0.2.7"), resource_name("comet:5555")
+    ('TCPIP::192.0.2.7::5025::SOCKET', 'TCPIP::comet::5555::SOCKET')
+    >>> resource_name("/dev/ttyUSB0"), resource_name("COM3"), resource_name("rfc2217://comet:4001")
+    ('ASRL/dev/ttyUSB0::INSTR', 'ASRL3::INSTR', 'ASRLrfc2217://comet:4001::INSTR')
     """
-    if place.startswith("/") or place.upper().startswith("COM"):
-        return f"ASRL{place.upper().removeprefix('COM') if place[0] != '/' else place}::INSTR"
-    host, _, port = place.removeprefix("socket://").partition(":")
+    place = place.removeprefix("socket://")
+    if "/" in place or re.fullmatch(r"COM\d+", place, re.IGNORECASE):
+        return f"ASRL{re.sub('^COM', '', place, flags=re.IGNORECASE)}::INSTR"
+    host, _, port = place.partition(":")
     return f"TCPIP::{host}::{port or SCPI_PORT}::SOCKET"
 
 
