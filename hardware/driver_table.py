@@ -118,15 +118,14 @@ POWER_METERS = {
     "scpi": Driver(
         "drivers.scpi_power:ScpiPowerMeter",
         "a bench supply, multimeter or power analyser that speaks SCPI",
-        "scpi:HOST:PORT, scpi:HOST (port 5025) or scpi:/dev/ttyUSB0; ?channel=2 for its second output;"
-        " ?measure=current&voltage=5.0 for a multimeter in the supply's line",
-        "raw socket, or 9600 8N1; MEAS:POW?, else MEAS:VOLT? times MEAS:CURR? of one output",
+        "scpi:HOST:PORT, scpi:HOST?channel=2 (port 5025), scpi:/dev/ttyUSB0?measure=current&voltage=5.0",
+        "socket, or 9600 8N1; the power of an output, or a multimeter's current times a supply's voltage",
         "needs the extra: pip install '.[instruments]' in the checkout (pyvisa, pyvisa-py)",
     ),
     "visa": Driver(
         "drivers.scpi_power:VisaPowerMeter",
         "the same over USB, GPIB or VXI-11, by PyVISA's name of it",
-        "visa:RESOURCE, e.g. visa:USB0::0x2A8D::0x1301::MY1::INSTR; ?channel= and ?measure= as scpi",
+        "visa:RESOURCE, e.g. visa:USB0::0x2A8D::0x1301::MY1::INSTR?channel=2",
         "those of the resource",
         "needs the extra: pip install '.[instruments]' in the checkout (pyvisa, pyvisa-py)",
     ),
