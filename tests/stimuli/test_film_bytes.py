@@ -85,6 +85,13 @@ def test_what_was_read_in_its_order_is_not_read_again_for_the_hash(some: Path, r
         assert sum(read) == len(CONTENT)
 
 
+def test_a_playlist_here_opens_what_it_names_beside_it(tmp_path: Path) -> None:
+    film(tmp_path / "part.ts", "mpeg2video")
+    lines = ["#EXTM3U", "#EXT-X-TARGETDURATION:3", "#EXTINF:2.4,", "part.ts", "#EXT-X-ENDLIST"]
+    (tmp_path / "list.m3u8").write_text("\n".join(lines))
+    assert open_video_file(tmp_path / "list.m3u8").n_frames == 60
+
+
 def test_a_file_that_shrinks_is_said_to_end(some: Path) -> None:
     with FilmBytes(some) as stream:
         os.truncate(some, 1000)
