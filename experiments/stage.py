@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Sequence
+from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -249,12 +250,14 @@ class SentTrigger:
     failures: tuple[str, ...] = ()  # of devices that did not take it; they are not tried again
 
 
-class Stage(Protocol):
-    """Shows what a session asks for, and takes the keys pressed."""
+class Stage(AbstractContextManager["Stage"]):
+    """Shows what a session asks for, and takes the keys pressed; what shows nothing has less to do."""
 
+    @abstractmethod
     def now(self) -> float:
         """Return the time on the stage's clock [s]."""
 
+    @abstractmethod
     def apparatus(self) -> dict[str, str]:
         """Return what the devices say of themselves."""
 
@@ -267,9 +270,11 @@ class Stage(Protocol):
             If one of them cannot be shown: it does not fit, or has letters that the font lacks.
         """
 
+    @abstractmethod
     def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> KeyPress:
         """Show a page until one of some keys is pressed (any, where none is given); return which and when."""
 
+    @abstractmethod
     def ask(self, question: str, keys: Sequence[str], luminance: float) -> KeyPress:
         """Show a question on a field of some luminance until one of the keys is pressed.
 
@@ -277,6 +282,7 @@ class Stage(Protocol):
         `PausePressed` if the pause key was pressed.
         """
 
+    @abstractmethod
     def show_ramp(self, interval: RampInterval) -> ShownInterval:
         """Show an interval. Raises `PausePressed` if the pause key was pressed meanwhile."""
 
@@ -289,6 +295,7 @@ class Stage(Protocol):
             If the video has not as many frames as the clip.
         """
 
+    @abstractmethod
     def play(self, clip: Clip) -> ShownClip:
         """Show a video with its brightness. Raises `PausePressed` if the pause key was pressed meanwhile.
 
@@ -300,10 +307,12 @@ class Stage(Protocol):
 
     def room(self) -> tuple[int, int] | None:
         """Return width and height of what can be shown on [pixels]; None where nothing is shown."""
+        return None
 
     def prepare_scene(self, name: str) -> None:
         """Make a scene ready to be searched, where it is not yet; the first time may take a while."""
 
+    @abstractmethod
     def search(self, view: SearchView) -> SearchResult:
         """Show a scene to look around in until the key `found` is pressed or the time is over.
 
@@ -315,6 +324,7 @@ class Stage(Protocol):
             If there is no such scene, or the ring's gap is too small for the display.
         """
 
+    @abstractmethod
     def wait(self, seconds: float, luminance: float, pixel_value: float | None = None) -> None:
         """Show a uniform field for a time [s]. Raises `PausePressed` if the pause key was pressed.
 
@@ -323,12 +333,18 @@ class Stage(Protocol):
 
     def triggers_sent(self) -> list[SentTrigger]:
         """Return the triggers sent since the last call, in order."""
+        return []
 
     def tell(self, progress: str) -> None:
         """Say to an operator who sees what a participant does not how far the session is."""
 
     def seen_in_headset(self) -> list[Sequence[ShownFrame]]:
         """Return the frames of each interval that was shown since the last call; none outside a headset."""
+        return []
 
+    @abstractmethod
     def close(self) -> None:
         """Close window and devices."""
+
+    def __exit__(self, *_: object) -> None:
+        self.close()

@@ -30,13 +30,12 @@ from evenlight.experiments.stage import (
     RampInterval,
     SearchResult,
     SearchView,
-    SentTrigger,
     ShownClip,
     ShownInterval,
     Stage,
 )
 from evenlight.hardware.presentation.headset_link import HeadsetLink
-from evenlight.hardware.presentation.headset_window import HeadsetWindow, ShownFrame
+from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import KeyPress
 from evenlight.hardware.rig import backlights_smallest_factor, open_backlight, opened_triggers
@@ -135,7 +134,7 @@ def open_stage(
             yield stage, simulated.queue if simulated else None
 
 
-class BlindStage(AbstractContextManager["BlindStage"]):
+class BlindStage(Stage):
     """Counts the frames of a session, and shows none.
 
     Parameters
@@ -168,9 +167,6 @@ class BlindStage(AbstractContextManager["BlindStage"]):
     def apparatus(self) -> dict[str, str]:
         """Return what the devices say of themselves."""
         return {"window": "none", "clock": "refreshes counted", **self._keyboard.apparatus()}
-
-    def prepare(self, pages: Sequence[str], questions: Sequence[str], font: Path | None = None) -> None:
-        """Set nothing: there is no window that a text could be too long for."""
 
     def show_page(self, text: str, keys: Sequence[str], footer: str = "") -> KeyPress:
         """Let time pass until one of some keys (any, where none is given) is pressed; return it."""
@@ -219,9 +215,6 @@ class BlindStage(AbstractContextManager["BlindStage"]):
             self._presses()
         return recording.result()
 
-    def prepare_clip(self, clip: Clip) -> None:
-        """Do nothing: no video is read."""
-
     def play(self, clip: Clip) -> ShownClip:
         """Count the refreshes of a clip. Raises `PausePressed` if the pause key was pressed meanwhile."""
         recording = ClipRecording(self._rig.refresh_rate)
@@ -229,12 +222,6 @@ class BlindStage(AbstractContextManager["BlindStage"]):
             recording.note(self._advance(), frame, float(clip.factors[frame]))
             self._presses()
         return recording.result()
-
-    def room(self) -> None:
-        """Return None: nothing is shown."""
-
-    def prepare_scene(self, name: str) -> None:
-        """Do nothing: no scene is shown."""
 
     def search(self, view: SearchView) -> SearchResult:
         """Count the refreshes until the key `found` is pressed or the time is over.
@@ -258,24 +245,10 @@ class BlindStage(AbstractContextManager["BlindStage"]):
             raise ValueError("a stage without a window needs a painter of rings for a search")
         return self._opened.enter_context(self._open_painter())
 
-    def triggers_sent(self) -> list[SentTrigger]:
-        """Return none: no device is opened."""
-        return []
-
-    def tell(self, progress: str) -> None:
-        """Say nothing: nobody is there."""
-
-    def seen_in_headset(self) -> list[Sequence[ShownFrame]]:
-        """Return none: no headset is opened."""
-        return []
-
     def close(self) -> None:
         """Let go of the keyboard."""
         self._opened.close()
         self._keyboard.close()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _advance(self) -> float:
         """Let a refresh pass, and return the time then [s]."""

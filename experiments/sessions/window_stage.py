@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Mapping, Sequence
-from contextlib import AbstractContextManager
 from pathlib import Path
 
 import numpy as np
@@ -29,8 +28,8 @@ from evenlight.experiments.stage import (
     SentTrigger,
     ShownClip,
     ShownInterval,
+    Stage,
 )
-from evenlight.hardware.presentation.headset_window import ShownFrame
 from evenlight.hardware.protocols import Backlight, KeyPress, ResponseDevice, TriggerOutput, Window
 from evenlight.stimuli.dithering import luminance_of_codes
 from evenlight.stimuli.field_renderer import Field
@@ -44,7 +43,7 @@ LABEL_GONE_BEFORE = 0.3  # [s]
 LABEL_SIZE = 1.0  # of an interval's number, in multiples of a page's text
 
 
-class WindowStage(AbstractContextManager["WindowStage"]):
+class WindowStage(Stage):
     """Shows a session on a window.
 
     Parameters
@@ -244,22 +243,12 @@ class WindowStage(AbstractContextManager["WindowStage"]):
         """Return the triggers sent since the last call, in order."""
         return self._window.triggers_sent()
 
-    def tell(self, progress: str) -> None:
-        """Say nothing: who is in front of a screen sees the same."""
-
-    def seen_in_headset(self) -> list[Sequence[ShownFrame]]:
-        """Return none: it is a screen."""
-        return []
-
     def close(self) -> None:
         """Close window and devices."""
         self._forget_clip()
         for device in (self._backlight, self._keyboard, self._window):
             if device is not None:
                 device.close()
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def _page_press(self, keys: Sequence[str]) -> KeyPress | None:
         """Return the first press of one of some keys, of any where none is given, since the last call."""
