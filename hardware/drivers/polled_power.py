@@ -94,8 +94,8 @@ class HwmonPowerMeter(PolledMeter):
                 Fault.WRONG_INSTRUMENT,
             )
         self._shunt, self._shunt_unit, self._shunt_ends = _shunt_of(folder, self._chip)
-        slowest, fastest = SENSOR_RATES
-        if (interval := folder / "update_interval").exists() and (update := read_number(interval)) > 0:
+        interval, (slowest, fastest) = folder / "update_interval", SENSOR_RATES
+        if interval.exists() and (update := read_number(interval)) > 0:
             fastest = min(fastest, 1000 / update)  # [ms]
         super().__init__(str(folder), clock, (slowest, fastest), " (see its update_interval)")
 
@@ -163,8 +163,10 @@ def _factors(folder: Path, channel: int) -> tuple[tuple[Path, float], ...]:
         return ((power, 1e-6),)
     if current.exists() and voltage.exists():
         return ((current, 1e-3), (voltage, 1e-3))
-    raw = [sorted(folder.glob(f"in_{name}*_raw"))[:1] for name in ("power", "current", "voltage1", "voltage")]
-    files = raw[0] or (raw[1] + (raw[2] or raw[3]) if raw[1] and raw[3] else [])
+    powers, currents, panels, voltages = (
+        sorted(folder.glob(f"in_{name}_raw"))[:1] for name in ("power*", "current*", "voltage1", "voltage*")
+    )
+    files = powers or (currents + (panels or voltages) if currents and voltages else [])
     return tuple((file, _scale_of(file)) for file in files)
 
 
@@ -218,7 +220,7 @@ class GaugePowerMeter(PolledMeter):
     """A battery's gauge; its numbers are µA and µV, or mA and mV, by the size of the first of them."""
 
     driver: str  # its name, as `plausibility` has it
-    _units: tuple[float, float] | None = None  # of current [A] and voltage [V], once it was read
+    _units: tuple[float, float] | None = None  # of current [A] and voltage [V], once known
 
     def __init__(self, name: str, clock: Callable[[], float]) -> None:
         self._units = _gauge_units(self._values(), name)
@@ -314,14 +316,11 @@ class BatteryPowerMeter(GaugePowerMeter):
 
 def _battery_at(place: str, root: Path) -> Path:
     """Return the folder of one of the computer's batteries, which are not those of its mouse or pen."""
-
-    def says(file: Path, word: str) -> bool:
-        return file.exists() and read_text(file) == word
-
     batteries = [
         (folder.name, f"battery:{folder.name}", folder)
         for folder in sorted((root / SUPPLIES).glob("*"))
-        if says(folder / "type", "Battery") and not says(folder / "scope", "Device")
+        if read_text(folder / "type") == "Battery"
+        if not (folder / "scope").exists() or read_text(folder / "scope") != "Device"
     ]
     return _only_one(place, batteries, f"battery:{place}")
 
