@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.measures import MEASURES
 from evenlight.option_panels import asked, expert, output, words_and_files
 from evenlight.stimuli.dimming_options import (
@@ -44,17 +45,17 @@ def judge(
 ) -> None:
     """Judge a track by several measures of what is lost, beside constant dimming at equal power."""
     from evenlight.analysis.judgement.judgement import judge_track
-    from evenlight.data_schema.arguments import whole
+    from evenlight.data_schema.arguments import must_be_one_of, whole
     from evenlight.data_schema.tracks.loaded_track import load_track
     from evenlight.method.choices import AnalysisEffort
-    from evenlight.method.contrast.measures import measure_named
     from evenlight.stimuli.dimmed.matched_track import display_of
     from evenlight.stimuli.sequences import open_video
 
     whole("--jobs", jobs)
     names = tuple(dict.fromkeys(MEASURES if measures is None else names_in(measures)))
     for name in names:
-        measure_named(name)
+        if name not in MEASURES:
+            raise InputError(must_be_one_of("--measures", name, MEASURES))
     loaded = load_track(track)
     found = judge_track(
         open_video(video, fps),

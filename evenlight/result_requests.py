@@ -163,18 +163,23 @@ def _value_of(told: Any, option: Any, kind: Any, where: str) -> Any:
 
 def _told_of_file(words: str, request: Path, context: typer.Context) -> str:
     """Return what is wrong with what was asked: options that a file gives by their keys in it."""
-    keys = {
-        flag: key
-        for key, one in _options_by_key(context).items()
-        for flag in (*one.opts, *one.secondary_opts)
-        if getattr(context.get_parameter_source(one.name), "name", "") == "DEFAULT_MAP"
-    }
-    named = re.findall(r"--[a-z][a-z-]*", words)
-    if named and not keys.keys() & named:  # what the command line gave
-        return words
+    file, given = _file_of(request), context.default_map or {}
+    options = {key: one for key, one in _options_by_key(context).items() if _is_of_file(one, context)}
+    keys = {flag: key for key, one in options.items() for flag in (*one.opts, *one.secondary_opts)}
     told = re.sub(r"--[a-z][a-z-]*", lambda found: keys.get(found[0], found[0]), words)
-    of_file = bool(named) and words.startswith(tuple(keys))
-    return f"{_file_of(request)}: asked: {told}" if of_file else f"{told} (asked in {_file_of(request)})"
+    if words.startswith(tuple(keys)):
+        return f"{file}: asked: {told}"
+    values = [value for one in options.values() for value in _listed(given[one.name])]
+    named = told != words or any(isinstance(value, str) and value in words for value in values)
+    return f"{told} (asked in {file})" if named else words
+
+
+def _listed(value: Any) -> list[Any]:
+    return list(value) if isinstance(value, list | tuple) else [value]
+
+
+def _is_of_file(option: Any, context: typer.Context) -> bool:
+    return getattr(context.get_parameter_source(option.name), "name", "") == "DEFAULT_MAP"
 
 
 def write_request(folder: Path, name: str, given: Mapping[str, Any], inputs: Mapping[str, str]) -> None:
@@ -210,7 +215,7 @@ def _inputs(name: str, given: Mapping[str, Any]) -> dict[str, str]:
     named = [
         Path(one)
         for key, value in given.items()
-        for one in (value if isinstance(value, list) else [value])
+        for one in _listed(value)
         if key not in (*NOT_ASKED, "out") and isinstance(one, str | Path)
     ]
     inputs, out = {}, Path(given["out"]).resolve()

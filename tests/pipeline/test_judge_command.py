@@ -137,7 +137,7 @@ def test_what_does_not_go_together_is_refused(command, tmp_path, judged) -> None
     lab.write_text(lab.read_text().replace('"lab"', '"varjo-xr3"'))
     line = refused(command, tmp_path, clip, track, "--display", lab)
     assert "here is 'varjo-xr3' in another calibration" in line
-    assert "'quality'; give one of relative, soft," in refused(
+    assert "--measures must be one of relative, soft," in refused(
         command, tmp_path, clip, track, "--measures", "quality"
     )
     assert "no such brightness track" in refused(command, tmp_path, clip, tmp_path / "none")

@@ -140,6 +140,9 @@ def test_what_the_command_line_gives_is_told_as_an_option_beside_a_file_too(comm
     Path("request.toml").write_text(f'command = "optimize"\n[asked]\nvideo = "{film}"\nbudget = 0.5\n')
     refused = command("optimize", "--request", "request.toml", "--calm", 7, "--out", "track")
     assert refused.err == "evenlight: --calm must lie in 0 to 1, got 7\n"
+    refused = command("optimize", "--request", "request.toml", "--display", "none", "--out", "track")
+    assert refused.err.startswith("evenlight: none: no such display")
+    assert "asked in" not in refused.err
 
 
 def test_a_flag_that_is_on_in_a_file_is_switched_off_beside_it(command: Any, film: str) -> None:
