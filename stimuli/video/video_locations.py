@@ -55,8 +55,7 @@ def shown_name(name: str) -> str:
     >>> shown_name("https://me:word@host/film.mp4?X-Amz-Signature=12")
     'https://host/film.mp4'
     """
-    secret = r"(?<=://)[^/]*@|[?#].*?(?=::\w[\w.+-]*:|\Z)"
-    return re.sub(secret, "", name, flags=re.DOTALL) if is_url(name) else name
+    return re.sub(r"(?<=://)[^/]*@|[?#].*", "", name, flags=re.DOTALL) if is_url(name) else name
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,10 +105,11 @@ def told_in_one_line(name: str) -> Iterator[None]:
     except InputError:
         raise
     except Exception as error:
-        out = (
-            "give a URL that can be read, or download it" if is_url(name) else "give a file that can be read"
+        way_out = (
+            "; give a URL that can be read, or download it" if is_url(name) else "; give one that can be"
         )
-        way_out = "" if isinstance(error, ImportError) else f"; {out}"  # fsspec names the package to install
+        if isinstance(error, ImportError):  # fsspec names the package to install
+            way_out = ""
         raise InputError(f"cannot read {shown_name(name)}: {_reason(error)}{way_out}") from None
 
 
@@ -122,10 +122,9 @@ def _reason(error: BaseException) -> str:
         return f"the server says {status} {getattr(error, 'message', '')}".rstrip()
     if isinstance(error, ValueError) and ("range requests" in words or "streaming" in words):
         return "the server sends no parts of files (range requests)"
-    known = {FileNotFoundError: "no such file", ConnectionError: "nobody answers there"}
-    return (
-        next((said for kind, said in known.items() if isinstance(error, kind)), words) or type(error).__name__
-    )
+    if isinstance(error, FileNotFoundError):
+        return "no such file"
+    return "nobody answers there" if isinstance(error, ConnectionError) else words or type(error).__name__
 
 
 def file_state(name: str) -> str | None:

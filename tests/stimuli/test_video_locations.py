@@ -141,6 +141,7 @@ def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
         ("https://me:pa@ss@host/a@b.mp4?X-Amz-Signature=1&b=2#c", "https://host/a@b.mp4"),
         ("simplecache::https://me:word@host/film.mp4?sig=1", "simplecache::https://host/film.mp4"),
         ("s3://bucket/film.mp4", "s3://bucket/film.mp4"),
+        ("https://host/film.mp4?sig=a::b:c", "https://host/film.mp4"),
         ("what? #1.mp4", "what? #1.mp4"),
     ],
 )
