@@ -33,6 +33,7 @@ from evenlight.experiments.playback.player import (
     Playback,
     PlaybackDevices,
     Player,
+    dropped_words,
     open_devices,
     require_log_file,
     write_log,
@@ -93,7 +94,7 @@ def play_video(film: FilmOptions, options: VersionOptions, headset: HeadsetOptio
                 write_log(options.log, player.passes, devices.rig.refresh_rate, asked.density_on(devices))
     if not film.quiet:
         for one in player.passes:
-            typer.echo(_pass_summary(one, playback, devices.rig.refresh_rate))
+            typer.echo(_pass_summary(one, playback, devices.rig.refresh_rate, timed=not film.simulate))
         if not whole:
             typer.echo("ended before its end")
 
@@ -234,13 +235,14 @@ def rig_of(
     return window, panel
 
 
-def _pass_summary(one: Pass, playback: Playback, refresh_rate: float) -> str:
+def _pass_summary(one: Pass, playback: Playback, refresh_rate: float, *, timed: bool) -> str:
     """Return how a pass went, in one line."""
     shown = one.shown
     names = " and ".join(dict.fromkeys(one.versions))
     words = (
         f"{playback.video.name}, {names}: {len(set(shown.video_frames))} of {len(playback.times)} frames in "
-        f"{len(shown.flip_times)} refreshes at {refresh_rate:.4g} Hz, {shown.frames_dropped} dropped"
+        f"{len(shown.flip_times)} refreshes at {refresh_rate:.4g} Hz, "
+        + dropped_words(shown.frames_dropped, timed=timed)
     )
     seconds = shown.flip_times[-1] + 1 / refresh_rate
     if len(shown.flip_times) > FREE_RUNNING * seconds * refresh_rate:

@@ -86,6 +86,11 @@ class Dimming(enum.Enum):
 SWITCHES = {"1": Dimming.OURS, "2": Dimming.BASELINE, "3": Dimming.FULL}
 
 
+def dropped_words(count: int, *, timed: bool) -> str:
+    """Return how many refreshes were dropped, which a rehearsal, whose clock goes with them, cannot know."""
+    return f"{count} dropped" if timed else "not timed in this rehearsal"
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Playback:
     """What is played, and how."""

@@ -18,7 +18,14 @@ from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer
-from evenlight.experiments.playback.player import NOISE_SEED, PlaybackDevices, ends, heads_of, pressed_on
+from evenlight.experiments.playback.player import (
+    NOISE_SEED,
+    PlaybackDevices,
+    dropped_words,
+    ends,
+    heads_of,
+    pressed_on,
+)
 from evenlight.experiments.recordings import ClipRecording
 from evenlight.experiments.showing import Brightness, Screenshots
 from evenlight.hardware.presentation.headset_window import ShownFrame
@@ -351,10 +358,19 @@ def between_answers(rows: list[LiveRefresh]) -> float | None:
     return median if median > 0 else None
 
 
-def walk_summary(scene: str, done: WalkResult, rows: list[LiveRefresh], budget: LiveBudget | None) -> str:
+def walk_summary(
+    scene: str,
+    done: WalkResult,
+    rows: list[LiveRefresh],
+    budget: LiveBudget | None,
+    *,
+    timed: bool = True,
+) -> str:
     """Return how a walk in a scene went, what the controller did, and how a budget was met."""
     seconds, count = done.flip_times[-1] if done.flip_times else 0.0, len(done.flip_times)
-    words = f"{scene}: {count} refreshes in {seconds:.1f} s, {done.frames_dropped} dropped"
+    words = (
+        f"{scene}: {count} refreshes in {seconds:.1f} s, {dropped_words(done.frames_dropped, timed=timed)}"
+    )
     return words + _control_summary(rows) + _budget_summary(budget, rows) + _gain_summary(budget, rows)
 
 

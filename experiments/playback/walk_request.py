@@ -347,7 +347,8 @@ def _walked(asked: WalkRequest, rig: Rig, display: Display, dimming: _Dimming | 
             ended_by = error
     rows = [] if walk.dimmer is None else walk.dimmer.rows
     outcome = _Outcome(walk.walked, walk.display, rows, measured_by, ended_by)
-    said = walk_summary(asked.scene, outcome.done, outcome.rows, asked.live.budget)
+    budget = asked.live.budget
+    said = walk_summary(asked.scene, outcome.done, outcome.rows, budget, timed=not asked.simulate)
     width = field_of_view_on(walk.display, walk.pictures.size[0])
     if rig.in_headset:
         said += "; drawn for both eyes, as wide as the headset sees"

@@ -104,6 +104,11 @@ case "${1:-}" in
     in-namespace) shift; in_namespace "$@" ;;
     in-tree) shift; in_tree "$@" ;;
     *)
+        # In the tree nothing is at a path from here: the Python is named from the root. It may be a link of a venv.
+        python=$(command -v "$1") || { echo "evenlight: there is no $1 here" >&2; exit 2; }
+        python=$(cd "$(dirname "$python")" && pwd -P)/$(basename "$python")
+        shift
+        set -- "$python" "$@"
         cd "$root"
         [ -z "${EVENLIGHT_NO_TREE:-}" ] || without "EVENLIGHT_NO_TREE is set"
         [ "$(id -u)" = 0 ] || without "building the tree for it needs root"

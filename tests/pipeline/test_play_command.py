@@ -144,9 +144,8 @@ def test_the_log_says_of_each_refresh_what_it_showed(played: dict[str, Any], mad
     np.testing.assert_allclose([float(row["flip_time_s"]) for row in rows], np.arange(72) / 60, atol=1e-8)
     assert {row["refreshes_dropped"] for row in rows} == {"0"}
     said = played["commands"][0]["out"]
-    assert (
-        "8, ours: 30 of 30 frames in 72 refreshes at 60 Hz, 0 dropped; luminance read back 12 times" in said
-    )
+    assert "8, ours: 30 of 30 frames in 72 refreshes at 60 Hz, not timed in this rehearsal; luminance" in said
+    assert "read back 12 times" in said
 
 
 def test_without_a_rig_the_window_is_as_large_as_the_video(played: dict[str, Any], made: Path) -> None:

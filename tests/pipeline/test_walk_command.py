@@ -45,7 +45,9 @@ def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
     controlled = ("--target-loss", "0.5", "--factor", "0.7", "--out", log)
     controlled += ("--budget", "0.5", "--budget-unit", "power", "--horizon", "0.5")
     said = evenlight_does("walk", "house", *simulated, "--record", way, *controlled)
-    assert re.match("house: 6[12] refreshes in 1.0 s, 0 dropped; contrast loss .*; the way is in", said)
+    assert re.match(
+        "house: 6[12] refreshes in 1.0 s, not timed in this rehearsal; contrast loss .*; the way is in", said
+    )
     rows = read_rows(LiveRefresh, log / "live_control.csv")
     kept = read_json_record(LiveControl, log / "live_control.json")
     assert (kept.scene, kept.simulated, kept.target_loss) == ("house", True, 0.5)
@@ -109,7 +111,9 @@ def test_a_walk_without_a_controller_logs_its_frames_and_is_seen_at_true_size_wi
     run = Run(words, os.environ | {"DISPLAY": virtual_screen()})
     out, err = run.communicate(timeout=200)
     assert run.returncode == 0, err
-    assert re.search(rf"dropped; 0\.885° wide, at true size; the frames are in {log}", out)
+    assert re.search(
+        rf"not timed in this rehearsal; 0\.885° wide, at true size; the frames are in {log}", out
+    )
     with log.open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [int(row["video_frame"]) for row in rows] == list(range(len(rows)))
