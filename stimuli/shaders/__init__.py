@@ -27,7 +27,7 @@ def over_all(context: moderngl.Context, fragment: str) -> moderngl.VertexArray:
     )
 
 
-def set_uniforms(surface: moderngl.VertexArray, **values: Any) -> None:
+def set_uniforms(surface: moderngl.VertexArray, /, **values: Any) -> None:
     """Set uniforms of a program, those that it uses; matrices are given for columns."""
     for name, value in values.items():
         if name not in surface.program:
