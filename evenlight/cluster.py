@@ -15,7 +15,6 @@ import platform
 import signal
 import socket
 import sys
-import tomllib
 import uuid
 from collections import deque
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -28,6 +27,7 @@ from urllib.parse import urlsplit
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import provenance_now
+from evenlight.data_schema.storage.text_files import read_toml
 from evenlight.method.choices import AnalysisEffort
 from evenlight.option_panels import computation, words_and_files
 
@@ -318,10 +318,7 @@ def _named(name: str) -> Any:
         raise InputError(
             f"{where}: expected local, tcp://HOST:PORT, or a name from {CLUSTERS}, which is not here"
         )
-    try:
-        tables = tomllib.loads(files[0].read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(f"{files[0]}: no TOML file ({error})") from None
+    tables = read_toml(files[0], "tables of clusters")
     table = tables.get(name)
     if not isinstance(table, dict):
         raise InputError(f"{where}: {files[0]} describes {', '.join(tables) or 'none'}")

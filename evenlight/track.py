@@ -232,26 +232,25 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
     return replace(first, others=tuple(others))
 
 
-def _require_own(curves: LossCurves, contrast_model: Any, **given: Any) -> None:
-    """Refuse arguments that loss curves were made with already, and curves that cannot be."""
-    require_possible_curves(curves)
-    own = {"display": (None, curves.display), "min_factor": (0.2, float(curves.factors[0]))}
-    if names := ", ".join(name for name, value in given.items() if value not in own.get(name, (None,))):
-        raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
-    made_with = curves.provenance.inputs.get("contrast_model")
-    if made_with not in (None, sha256_of_record(load_contrast_model(contrast_model))):
-        raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
-
-
 def _of_curves(asked: _RequestInPython, known: LossCurves) -> _RequestInPython:
     """Return what is asked of loss curves; what they were made with cannot be asked again."""
-    given = {name: getattr(asked, name) for name in ("display", "fps", "field_of_view", "min_factor")}
-    _require_own(known, asked.contrast_model, **given)
+    require_possible_curves(known)
+    lowest = float(known.factors[0])
+    own = {
+        "display": (None, known.display),
+        "min_factor": (0.2, lowest),
+        "fps": (None,),
+        "field_of_view": (None,),
+    }
+    if names := ", ".join(name for name, taken in own.items() if getattr(asked, name) not in taken):
+        raise InputError(f"{names}: loss curves were made with their own; leave this out beside them")
+    made_with = known.provenance.inputs.get("contrast_model")
+    if made_with not in (None, sha256_of_record(load_contrast_model(asked.contrast_model))):
+        raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
     if asked.robust or asked.others:
         raise InputError("loss curves are of one video and one measure: leave out robust and others")
     if asked.actuator not in (Actuator.BACKLIGHT, "backlight", known.actuator, known.actuator.value):
         raise InputError(f"actuator: the loss curves were made for {known.actuator.value}; leave it out")
-    lowest = float(known.factors[0])
     return replace(asked, min_factor=lowest, actuator=known.actuator)
 
 
