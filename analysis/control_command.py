@@ -19,7 +19,8 @@ from evenlight.method.choices import AnalysisEffort
 from evenlight.option_panels import output
 
 if TYPE_CHECKING:
-    from evenlight.analysis.tracks.control_run import ControlJob, ControlResult
+    from evenlight.analysis.tracks.control_run import ControlJob
+    from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -43,7 +44,7 @@ def _control(asked: ControlledOptions, on: DimmedOn) -> None:
         done = run_control(job, folder)
     if not asked.quiet:
         closing = closing_words(job.work.request.rate_limit, job.work.display, asked.out)
-        typer.echo("\n".join([*_result_in_words(done), closing]))
+        typer.echo("\n".join([*_result_in_words(*done), closing]))
 
 
 control = with_options(_control, ControlledOptions, DimmedOn)
@@ -73,14 +74,15 @@ def _job(asked: ControlledOptions, on: DimmedOn) -> ControlJob:
     )
 
 
-def _result_in_words(done: ControlResult) -> Iterator[str]:
+def _result_in_words(
+    summary: OptimizationSummary, ratio: float | None, warnings: tuple[str, ...]
+) -> Iterator[str]:
     """Say what is gained in plain words, then how steady the loss was, in figures."""
     from evenlight.analysis.tracks.track_words import alike, gain_in_words, lost, watts
 
-    summary = done.track.summary
     assert summary.control is not None  # `control_video` has seen to it
     control = summary.control
-    ratio = "" if done.ratio is None else f", {done.ratio:.2f} times as much"
+    varies_by = "" if ratio is None else f", {ratio:.2f} times as much"
     full = summary.full_power
     saved = f", {percent(summary.mean_power / full)} of full power" if full else ""
     target = lost(control.target_loss)
@@ -91,7 +93,7 @@ def _result_in_words(done: ControlResult) -> Iterator[str]:
     varies, constant = alike(control.sd_loss, control.sd_loss_constant)
     yield (
         f"the loss varies by {varies} points over time (SD), by {constant} points at constant dimming by the "
-        f"same mean factor{ratio}"
+        f"same mean factor{varies_by}"
     )
     yield (
         f"mean factor {min(summary.mean_factor, 1.0):.4g}, {watts(summary.mean_power)}{saved}; "
@@ -105,4 +107,4 @@ def _result_in_words(done: ControlResult) -> Iterator[str]:
             over += f", above it by {control.horizon_excess or 0.0:.2g}"
         out = f"; out of reach at a bound for {percent(held)} of the time" if held else ""
         yield f"budget {control.budget:g} ({control.budget_unit.value}): {used}{over}{out}"
-    yield from (f"warning: {warning}" for warning in done.warnings)
+    yield from (f"warning: {warning}" for warning in warnings)

@@ -173,12 +173,10 @@ def _bytes_moved(one_pass: GpuOnePass) -> int:
     """Return the bytes that have to pass between shaders and memory, each level once in each pass."""
     sizes = [height * width for height, width in one_pass._pyramid.shapes]
     levels = BYTES * sizes[0] + 4 * sum(sizes) + 4 * sum(sizes[1:-1])
-    first = [place.pixels for place in one_pass._layout.places]
     counts = sum(
-        place.references * sum(sizes[sizes.index(size) :][:3])
-        for size, place in zip(first, one_pass._layout.places, strict=True)
+        references * sum(sizes[sizes.index(pixels) :][:3]) for pixels, references, _ in one_pass._places
     )
-    return levels + 4 * counts + 4 * one_pass._layout.words
+    return levels + 4 * counts + 4 * one_pass._nothing.size
 
 
 def online_points(settings: RunSettings) -> tuple[list[BenchmarkPoint], list[BenchmarkClaim]]:

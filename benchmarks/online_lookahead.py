@@ -18,7 +18,6 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import (
-    VideoLookahead,
     control_ahead,
     control_curves,
 )
@@ -96,8 +95,8 @@ def _pid(film: WalkFrames) -> Array:
 def _ahead(film: WalkFrames, seconds: float) -> Array:
     """Return the factors with some lookahead."""
     costs = frame_costs(film.curves, ASKED, film.power_model)
-    look = VideoLookahead(LookaheadSettings(seconds, HORIZON), costs, level_is_given=False)
-    return control_ahead(film.curves, film.controller, look, BUDGET).factors
+    look = LookaheadSettings(seconds, HORIZON)
+    return control_ahead(film.curves, film.controller, look, BUDGET, None, costs, False).factors
 
 
 def _frame_points(

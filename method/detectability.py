@@ -8,7 +8,6 @@ Windows are independent observations (docs/decisions/detectability.md).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,17 +15,6 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.method.psychometric import PsychometricFunction, d_prime, yes_probability
-
-
-@dataclass(frozen=True, slots=True)
-class Detectability:
-    """How well someone detects that brightness changed, who watches all of a track for it."""
-
-    d_prime: float  # of the whole track: √Σ d′² over its windows
-    windows: int
-    # windows in which a change is expected to be reported, false alarms among them; None where the task was
-    # to choose between two intervals, which tells nothing of the criterion for saying so
-    windows_noticed: float | None
 
 
 def function_of(limit: RateLimit) -> PsychometricFunction | None:
@@ -41,8 +29,10 @@ def function_of(limit: RateLimit) -> PsychometricFunction | None:
     return PsychometricFunction(1.0, limit.width, limit.guess_rate, limit.lapse_rate or 0.0)
 
 
-def detectability(limit: RateLimit, rate_ratios: Array, durations: Array) -> Detectability | None:
-    """Return how well a track's changes can be detected; None if the limit's calibration does not tell.
+def detectability(
+    limit: RateLimit, rate_ratios: Array, durations: Array
+) -> tuple[float, int, float | None] | None:
+    """Return how well someone who watches all of a track for changes detects them.
 
     Parameters
     ----------
@@ -50,6 +40,14 @@ def detectability(limit: RateLimit, rate_ratios: Array, durations: Array) -> Det
         With its psychometric function and the duration of its ramps.
     rate_ratios, durations : array, (N,)
         Rate from each frame to the next over the limit, signed; how long each frame is shown [s].
+
+    Returns
+    -------
+    (d_prime, windows, windows_noticed) : (float, int, float or None), or None
+        d′ of the whole track, √Σ d′² over its windows; how many they are, and in how many a change is
+        expected to be reported, false alarms among them: None where the task was to choose between two
+        intervals, which tells nothing of the criterion for saying so. None in all if the limit's calibration
+        does not tell.
     """
     function = function_of(limit)
     if function is None or limit.ramp_duration is None:
@@ -58,7 +56,7 @@ def detectability(limit: RateLimit, rate_ratios: Array, durations: Array) -> Det
     two = limit.procedure is Procedure.TWO_INTERVAL
     total = float(np.linalg.norm(d_prime(ratios, function, two_intervals=two)))
     noticed = None if two else float(yes_probability(ratios, function).sum())
-    return Detectability(total, len(ratios), noticed)
+    return total, len(ratios), noticed
 
 
 def window_ratios(rate_ratios: Array, durations: Array, window: float) -> Array:

@@ -24,12 +24,7 @@ from evenlight.data_schema.tracks.optimization_summary import ControlSummary, Op
 from evenlight.method.choices import ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online import governor
-from evenlight.method.online.control_curves import (
-    ControlledTrack,
-    VideoLookahead,
-    control_ahead,
-    control_curves,
-)
+from evenlight.method.online.control_curves import ControlledTrack, control_ahead, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.gain import gain_warning
 from evenlight.method.online.lookahead import LookaheadSettings
@@ -56,28 +51,22 @@ class ControlJob:
     lookahead: LookaheadSettings | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class ControlResult:
-    """What came of it."""
-
-    track: DrawnTrack  # beside constant dimming by its mean factor
-    ratio: float | None  # how many times as much the loss varies as with constant dimming
-    # what is wrong with the horizon of the budget or the target; if nothing is gained
-    warnings: tuple[str, ...]
-
-
 def control_video(
     curves: LossCurves, asked: ControlJob, samples: FrameSamples, curves_s: float
-) -> ControlResult:
-    """Return what the controller does with a video whose loss curves took some time [s]."""
+) -> tuple[DrawnTrack, float | None, tuple[str, ...]]:
+    """Return what the controller does with a video whose loss curves took some time [s].
+
+    Its track beside constant dimming by the mean factor; how many times as much its loss varies; what is
+    wrong with the horizon of the budget or the target, or if nothing is gained.
+    """
     video = _ControlledVideo(curves, asked)
     began = time.perf_counter()
     run = video.run(asked.lookahead)
     track, summary = video.evaluated(run, RunRecord(time.perf_counter() - began, curves_s, 0.0))
     loss, spread = video.beside_constant(run)
     summary = replace(summary, control=video.control_summary(run, spread))
-    drawn, warnings = DrawnTrack(track, summary, loss, samples.held), tuple(video.warnings(run, spread.ratio))
-    return ControlResult(drawn, spread.ratio, warnings)
+    drawn = DrawnTrack(track, summary, loss, samples.held)
+    return drawn, spread.ratio, tuple(video.warnings(run, spread.ratio))
 
 
 class _ControlledVideo:
@@ -122,8 +111,7 @@ class _ControlledVideo:
         model, given = self.asked.work.request.power_model, self.asked.target_is_given
         costs = None if budget is None else governor.frame_costs(self.curves, budget, model)
         if ahead is not None:
-            looking = VideoLookahead(ahead, costs, given)
-            return control_ahead(self.curves, controller, looking, self.start, self.luminance)
+            return control_ahead(self.curves, controller, ahead, self.start, self.luminance, costs, given)
         governed = None
         if budget is not None and costs is not None:
             governed = (governor.governor_of(controller, budget), costs)

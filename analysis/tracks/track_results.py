@@ -12,7 +12,7 @@ from evenlight.analysis.figure_style import write_png
 from evenlight.analysis.player.picture_recorder import PictureRecorder
 from evenlight.analysis.player.player_page import PLAYER, player_content, write_player_page
 from evenlight.analysis.tracks.contrast_map_figure import contrast_map_figure, contrast_maps
-from evenlight.analysis.tracks.control_run import ControlJob, ControlResult, control_video
+from evenlight.analysis.tracks.control_run import ControlJob, control_video
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization import optimize_video
 from evenlight.analysis.tracks.optimization_job import (
@@ -51,18 +51,21 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
 
 
 @one_blas_thread
-def run_control(asked: ControlJob, folder: Path) -> ControlResult:
-    """Analyse a video, run the controller over it, and write every result into a folder."""
+def run_control(asked: ControlJob, folder: Path) -> tuple[OptimizationSummary, float | None, tuple[str, ...]]:
+    """Analyse a video, run the controller over it, and write every result into a folder.
+
+    Returns the summary, and what else `control_video` tells.
+    """
     samples, began, job = FrameSamples(), time.perf_counter(), asked.work
     recorder = next(iter(_recorders(job)), None)
     curves = loss_curves_of(job, samples, None if recorder is None else recorder.watch)
     curves_s = time.perf_counter() - began
     with shown_progress(job.quiet) as progress:
         progress.step(f"controlling {curves.video}")
-        done = control_video(curves, asked, samples, curves_s)
-    write_json_record(folder / "summary.json", done.track.summary)
-    _write_track(curves, done.track, job, folder, recorder)
-    return done
+        drawn, ratio, warnings = control_video(curves, asked, samples, curves_s)
+    write_json_record(folder / "summary.json", drawn.summary)
+    _write_track(curves, drawn, job, folder, recorder)
+    return drawn.summary, ratio, warnings
 
 
 def _recorders(job: OptimizationJob) -> list[PictureRecorder]:

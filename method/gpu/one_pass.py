@@ -8,7 +8,7 @@ hundred numbers. See docs/decisions/gpu.md.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -85,10 +85,11 @@ class GpuOnePass:
         self.n_bands = len(tables)
         self._pyramid = GpuPyramid(context, shape, display, model.pixel_to_luminance, len(tables) + 2)
         seen = {level: table for level, table in enumerate(tables) if table.can_be_seen}
-        thresholds = threshold_table(model.masking_strength)
-        self._layout = _band_layout(self._pyramid.shapes, self._pyramid.begins, seen, request, thresholds)
-        self._make_buffers()
-        self._count = program(context, ("mirror", "count"), _defined(model, request, self._layout.steps))
+        # Of each band, finest first: its pixels, at how many factors neighbours are compared, and where its
+        # counts begin among the words of the results, one for each knot of each of these factors.
+        self._places: list[tuple[int, int, int]] = []
+        steps = self._make_buffers(seen, threshold_table(model.masking_strength))
+        self._count = program(context, ("mirror", "count"), _defined(model, request, steps))
         self._under_way: list[int] = []
         self._next = 0
 
@@ -109,12 +110,11 @@ class GpuOnePass:
         results = self._results[self._next]
         results.write(self._nothing)
         self._pyramid.fill(frame, results)
-        groups = self._layout.groups
-        if groups > 0:
+        if self._groups > 0:
             self._factors.write(np.concatenate([log_references, log_knots]).astype(np.float32))
             self._bind(results)
-            self._count["n_groups"] = groups
-            self._count.run(min(groups, _ACROSS), -(-groups // _ACROSS))
+            self._count["n_groups"] = self._groups
+            self._count.run(min(self._groups, _ACROSS), -(-self._groups // _ACROSS))
         self._context.memory_barrier(self._context.BUFFER_UPDATE_BARRIER_BIT)
         self._under_way.append(self._next)
         self._next = (self._next + 1) % UNDER_WAY
@@ -141,20 +141,43 @@ class GpuOnePass:
             raise ValueError("no frame is under way: start one first")
         words = np.frombuffer(self._results[self._under_way.pop(0)].read(), np.uint32)
         bands, knots = [], self._request.knots
-        for place in self._layout.places:
-            counts = words[place.counts_at : place.counts_at + place.references * knots].reshape(-1, knots)
-            bands.append(counts.cumsum(axis=1, dtype=float) / place.pixels)
+        for pixels, references, at in self._places:
+            counts = words[at : at + references * knots].reshape(-1, knots)
+            bands.append(counts.cumsum(axis=1, dtype=float) / pixels)
         height, width = self._shape
         return bands, sums_of(words) / (height * width)
 
-    def _make_buffers(self) -> None:
+    def _make_buffers(
+        self, seen: Mapping[int, BandTable], thresholds: NDArray[np.float32]
+    ) -> tuple[int, int, int]:
+        """Lay out the bands whose contrast can be visible, given by their level of the pyramid.
+
+        Returns the sizes of the table of thresholds, and of a band's two tables.
+        """
+        pyramid, request, tables = self._pyramid, self._request, [thresholds]
+        records, words, groups = np.zeros(len(seen), _RECORD), SUM_WORDS, 0
+        for number, (level, table) in enumerate(seen.items()):
+            height, width = pyramid.shapes[level]
+            few = height * width <= FEW_PIXELS
+            references = request.references if few else 1
+            across, down = -(-width // TILE), -(-height // TILE)
+            split = groups, across, across * down
+            starts = few, words, sum(part.size for part in tables)
+            begins = pyramid.begins[level : level + 3]
+            records[number] = width, height, *begins, *split, *starts, *_ranges(table)
+            self._places.append((height * width, references, words))
+            tables += [table.log_sensitivity, table.log_luminance]
+            words += references * request.knots
+            groups += across * down * references
         context = self._context
-        self._tables = context.buffer(self._layout.tables.tobytes())
-        self._records = context.buffer(self._layout.records or bytes(4))  # a buffer of nothing there is not
-        n_factors = 1 + self._request.references + self._request.knots
+        self._tables = context.buffer(np.concatenate(tables).tobytes())
+        self._records = context.buffer(records.tobytes() or bytes(4))  # a buffer of nothing there is not
+        n_factors = 1 + request.references + request.knots
         self._factors = context.buffer(reserve=4 * n_factors, dynamic=True)
-        self._nothing = np.zeros(self._layout.words, np.uint32)
+        self._groups, self._nothing = groups, np.zeros(words, np.uint32)
         self._results = [context.buffer(self._nothing, dynamic=True) for _ in range(UNDER_WAY)]
+        sensitivities, luminances = ([part.size for part in tables[1:]] + [2, 2])[:2]  # 2: no band is seen
+        return thresholds.size, sensitivities, luminances
 
     def _bind(self, results: moderngl.Buffer) -> None:
         """Bind the buffers where `count.glsl` looks for them."""
@@ -214,60 +237,6 @@ class CountingRequest:
     knots: int  # at how many factors, the last of which is 1
     references: int  # at how many factors neighbours are compared in bands of few pixels; in others, at one
     equal_ratios: bool  # whether the factors are in equal ratios
-
-
-@dataclass(frozen=True, slots=True)
-class _BandPlace:
-    """One band, and where its counts lie."""
-
-    pixels: int  # of the band
-    references: int  # at how many factors its neighbours are compared
-    # where its counts begin among the words of the results, one for each knot of each reference
-    counts_at: int
-    groups: int  # how many groups count it
-
-
-@dataclass(frozen=True, slots=True)
-class _BandLayout:
-    """Where everything lies."""
-
-    places: tuple[_BandPlace, ...]  # the bands, finest first
-    records: bytes  # what the shader reads of each band, one after the other
-    tables: NDArray[np.float32]  # the thresholds, then the sensitivities and luminances of each band
-    steps: tuple[int, int, int]  # of the table of thresholds, and of a band's two tables
-    words: int  # of the results: the sums, then the counts
-
-    @property
-    def groups(self) -> int:
-        """How many groups count all bands."""
-        return sum(place.groups for place in self.places)
-
-
-def _band_layout(
-    shapes: Sequence[tuple[int, int]],
-    begins: Sequence[int],
-    seen: Mapping[int, BandTable],
-    request: CountingRequest,
-    thresholds: NDArray[np.float32],
-) -> _BandLayout:
-    """Return where the bands lie whose contrast can be visible, given by their level of the pyramid."""
-    tables = [thresholds]
-    records, places, words, groups = np.zeros(len(seen), _RECORD), [], SUM_WORDS, 0
-    for number, (level, table) in enumerate(seen.items()):
-        height, width = shapes[level]
-        few = height * width <= FEW_PIXELS
-        references = request.references if few else 1
-        across, down = -(-width // TILE), -(-height // TILE)
-        split = groups, across, across * down
-        starts = few, words, sum(part.size for part in tables)
-        records[number] = width, height, *begins[level : level + 3], *split, *starts, *_ranges(table)
-        places.append(_BandPlace(height * width, references, words, across * down * references))
-        tables += [table.log_sensitivity, table.log_luminance]
-        words += references * request.knots
-        groups += across * down * references
-    sensitivities, luminances = ([part.size for part in tables[1:]] + [2, 2])[:2]  # 2: no band is seen
-    steps = thresholds.size, sensitivities, luminances
-    return _BandLayout(tuple(places), records.tobytes(), np.concatenate(tables), steps, words)
 
 
 def _ranges(table: BandTable) -> tuple[float, float, float, float]:

@@ -51,15 +51,6 @@ class ControlledTrack:
         return float(self.time_share @ self.factors)
 
 
-@dataclass(frozen=True, slots=True)
-class VideoLookahead:
-    """How far a controller looks ahead, and what the frames of a video cost."""
-
-    settings: LookaheadSettings
-    costs: list[FrameCost] | None = None  # of each frame; None without a budget
-    level_is_given: bool = True  # whether the controller's target was asked for
-
-
 def control_curves(
     curves: LossCurves,
     controller: Controller,
@@ -95,9 +86,11 @@ def control_curves(
 def control_ahead(
     curves: LossCurves,
     controller: Controller,
-    ahead: VideoLookahead,
+    ahead: LookaheadSettings,
     start_factor: float | None = None,
     luminance: Array | None = None,
+    costs: list[FrameCost] | None = None,
+    level_is_given: bool = True,
 ) -> ControlledTrack:
     """Return what a controller does with a video that knows the next frames of it (`online.lookahead`).
 
@@ -105,8 +98,12 @@ def control_ahead(
     ----------
     curves, controller, start_factor, luminance : LossCurves, Controller, float or None, array or None
         As of `control_curves`; the gains do nothing.
-    ahead : VideoLookahead
-        How far it looks, and what frames cost.
+    ahead : LookaheadSettings
+        How far it looks.
+    costs : list of FrameCost, optional
+        What each frame costs; without them there is no budget.
+    level_is_given : bool
+        Whether the controller's target was asked for, as of `LookaheadController`.
 
     Raises
     ------
@@ -114,11 +111,11 @@ def control_ahead(
         If the controller may choose factors that the curves do not reach.
     """
     shown, first = _prepared(curves, controller, start_factor, luminance)
-    planner = LookaheadController(controller, ahead.settings, curves.factors, first, ahead.level_is_given)
-    costs: Sequence[FrameCost | None] = ahead.costs or [None] * curves.n_frames
+    planner = LookaheadController(controller, ahead, curves.factors, first, level_is_given)
+    of_frames: Sequence[FrameCost | None] = costs or [None] * curves.n_frames
     planned = []
     for losses, light, duration, cost in zip(
-        curves.loss, shown.tolist(), curves.durations.tolist(), costs, strict=True
+        curves.loss, shown.tolist(), curves.durations.tolist(), of_frames, strict=True
     ):
         planned += planner.push(ForeseenFrame(losses, light, duration, cost))
     planned += planner.finish()

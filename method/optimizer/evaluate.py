@@ -217,11 +217,7 @@ def _detected(problem: Problem, request: Request, track: BrightnessTrack) -> dic
     moving = track.rate != 0
     ratios = np.divide(track.rate, np.maximum(fitted, LEAST_LIMIT), out=np.zeros_like(fitted), where=moving)
     found = detectability(request.rate_limit, ratios, problem.curves.durations)
-    if found is None:
-        return {}
-    return {
-        "detectability": found.d_prime, "windows": found.windows, "windows_noticed": found.windows_noticed
-    }  # fmt: skip
+    return dict(zip(("detectability", "windows", "windows_noticed"), found, strict=True)) if found else {}
 
 
 def limit_without_allowances(problem: Problem, factors: Array) -> Array:

@@ -10,7 +10,7 @@ import evenlight
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.contrast.loss_curves import analyze_frames
-from evenlight.method.online.control_curves import VideoLookahead, control_ahead, control_curves
+from evenlight.method.online.control_curves import control_ahead, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.lookahead import LookaheadSettings
 from evenlight.method.rate_limit import allowed_rate, modulation_rate, scalar_rate_limit
@@ -75,7 +75,7 @@ def test_the_buffer_of_a_player_gives_the_factors_of_the_command() -> None:
     known = control_ahead(
         curves,
         Controller(ControllerSettings(0.05), scalar_rate_limit(limit, display.reflected_luminance)),
-        VideoLookahead(LookaheadSettings(1.0)),
+        LookaheadSettings(1.0),
     )
     online = evenlight.OnlineController(0.05, fps=RATE, lookahead=1.0)
     factors: list[float] = []

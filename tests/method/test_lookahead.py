@@ -13,7 +13,6 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.online.control_curves import (
     ControlledTrack,
-    VideoLookahead,
     control_ahead,
     control_curves,
 )
@@ -49,8 +48,8 @@ def ahead(
     settings = ControllerSettings(0.0 if target is None else target)
     asked = None if budget is None else GovernorSettings(budget, BudgetUnit.FACTOR, horizon)
     costs = None if asked is None else frame_costs(curves, asked, LCD)
-    look = VideoLookahead(LookaheadSettings(seconds, horizon), costs, target is not None)
-    return control_ahead(curves, Controller(settings, PAPER), look, budget)
+    controller, look = Controller(settings, PAPER), LookaheadSettings(seconds, horizon)
+    return control_ahead(curves, controller, look, budget, None, costs, target is not None)
 
 
 def pid(curves: LossCurves, budget: float, horizon: float = 60.0) -> ControlledTrack:
@@ -214,8 +213,8 @@ def test_any_budget_is_met_over_its_horizon(
     """Over every 20 s, to 3 % of what full brightness takes (1.69 W)."""
     curves = scenes(make_curves, 60.0)
     asked = GovernorSettings(budget, unit, 20.0)
-    look = VideoLookahead(LookaheadSettings(2.0, 20.0), frame_costs(curves, asked, LCD), False)
-    track = control_ahead(curves, Controller(ControllerSettings(0.0), PAPER), look, 0.5)
+    controller, costs = Controller(ControllerSettings(0.0), PAPER), frame_costs(curves, asked, LCD)
+    track = control_ahead(curves, controller, LookaheadSettings(2.0, 20.0), 0.5, None, costs, False)
     watts = power(LCD, track.factors, curves.channel_means)
     full = power(LCD, np.ones(curves.n_frames), curves.channel_means)
     used = {BudgetUnit.FACTOR: track.factors, BudgetUnit.POWER: watts / full, BudgetUnit.WATT: watts}[unit]

@@ -122,6 +122,7 @@ def _bias(
 
 
 TrialKey = tuple[str, str, int]
+TimedAnswers = tuple[PsychometricFunction, Array, Array, Array]  # as `drift_of` takes them
 
 
 def _trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
@@ -144,12 +145,9 @@ def _key(trial: RampTrial) -> TrialKey:
 def _timed(
     function: PsychometricFunction, ramps: Sequence[RampTrial], times: dict[TrialKey, float]
 ) -> TimedAnswers:
-    return TimedAnswers(
-        function,
-        np.array([trial.rate for trial in ramps]),
-        np.array([float(trial.success) for trial in ramps]),
-        np.array([times[_key(trial)] for trial in ramps]),
-    )
+    rates = np.array([trial.rate for trial in ramps])
+    success = np.array([float(trial.success) for trial in ramps])
+    return function, rates, success, np.array([times[_key(trial)] for trial in ramps])
 
 
 def flag_of(counts: RampCounts, threshold: float, fit_p: float | None = None) -> ThresholdFlag:
@@ -226,41 +224,32 @@ def _record(
     )
 
 
-@dataclass(frozen=True, slots=True)
-class TimedAnswers:
-    """Answers at one level in the order of the trials, and the function fitted to them."""
-
-    function: PsychometricFunction
-    rates: Array  # of each trial, (n,) [cd/m^2/s]
-    success: Array  # 1 or 0
-    times: Array  # place among all of the participant's trials, from 0 to 1
-
-
-def drift_of(levels: Sequence[TimedAnswers]) -> tuple[float, float] | None:
+def drift_of(levels: Iterable[TimedAnswers]) -> tuple[float, float] | None:
     """Return how one participant's thresholds moved, to first order; None if no answer tells.
 
-    Those at the end of the trials over those at their beginning, and the p value of no drift.
+    Those at the end of the trials over those at their beginning, and the p value of no drift. Of each level:
+    the function fitted, and of its trials the rate [cd/m^2/s], 1 or 0 for the answer, and the place among all
+    of the participant's, from 0 to 1.
     """
-    score, information = np.reshape([_score(level) for level in levels], (-1, 2)).sum(axis=0).tolist()
+    score, information = np.reshape([_score(*level) for level in levels], (-1, 2)).sum(axis=0).tolist()
     if information < LEAST_INFORMATION:
         return None
     change = float(np.clip(score / information, -LARGEST_LN_RATIO, LARGEST_LN_RATIO))
     return float(np.exp(change)), float(2 * special.ndtr(-abs(score * information**-0.5)))
 
 
-def _score(level: TimedAnswers) -> tuple[float, float]:
+def _score(f: PsychometricFunction, rates: Array, success: Array, times: Array) -> tuple[float, float]:
     """Return the score of δ at one level and its variance.
 
     Everything is divided by the standard deviation of an answer, so that least squares take the nuisance
     parts out.
     """
-    f = level.function
-    probability = np.clip(yes_probability(level.rates, f), 1e-9, 1 - 1e-9)
-    distance = WIDTH_LOGITS / f.width * (np.log(level.rates) - np.log(f.threshold))
+    probability = np.clip(yes_probability(rates, f), 1e-9, 1 - 1e-9)
+    distance = WIDTH_LOGITS / f.width * (np.log(rates) - np.log(f.threshold))
     rise = special.expit(distance + f.threshold_logit)
     spread = np.sqrt(probability * (1 - probability))
     by_threshold = -(1 - f.guess_rate - f.lapse_rate) * rise * (1 - rise) * WIDTH_LOGITS / f.width / spread
     nuisance = np.column_stack([by_threshold, by_threshold * distance])
-    moved = level.times * by_threshold
+    moved = times * by_threshold
     own = moved - nuisance @ np.linalg.lstsq(nuisance, moved, rcond=None)[0]
-    return float(own @ ((level.success - probability) / spread)), float(own @ own)
+    return float(own @ ((success - probability) / spread)), float(own @ own)
