@@ -1,7 +1,7 @@
 """Passes of a film on a device that plays it itself: its versions in turn, and the power of each pass.
 
 A battery's gauge lags behind by seconds, so the beginning of each pass belongs to what was shown before, and
-does not count. Rounds begin with the full version and the dimmed one in turn: a straight drift cancels.
+does not count. The order is drawn anew for each measurement: no cycle of the device keeps step with it.
 """
 
 from __future__ import annotations
@@ -9,6 +9,8 @@ from __future__ import annotations
 import contextlib
 import math
 import os
+import random
+import secrets
 import shlex
 import shutil
 import signal
@@ -16,7 +18,7 @@ import statistics
 import subprocess
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import groupby, pairwise
 from pathlib import Path
 
@@ -36,6 +38,7 @@ VERSIONS = ("full", "dimmed")
 SIMULATED_FACTORS = {"full": 1.0, "dimmed": 0.6}  # backlight of a simulated device
 FEWEST_PASSES = 4  # two powers, a drift, and how far passes differ
 FILM = "{film}"
+IN_STEP = 0.3  # correlation that an order may have with a straight drift, and with a bent one
 FEWEST_SAMPLES = 10  # that count in a pass
 WILD = 3.0  # times the median of a pass, or that part of it: no film changes a whole device's power so far
 GRACE = 1.0  # [s] in which a player ends that is asked to
@@ -52,6 +55,7 @@ class PassRequest:
     settle: float  # of it that do not count [s]
     rate: float  # of the samples [Hz]
     play: str  # command that plays {film}; empty where a person starts it
+    seed: int = field(default_factory=lambda: secrets.randbits(32))  # of the order of the passes
 
     def __post_init__(self) -> None:
         counted = max(0.0, self.seconds - self.settle) * self.rate
@@ -70,12 +74,27 @@ class PassRequest:
             raise InputError(f"--play {self.play!r}: there is no program {program[0]!r}")
 
     def order(self) -> list[str]:
-        """Return the versions in the order in which they are played.
+        """Return the versions in the order in which they are played: at random, but not as a device drifts.
 
-        >>> PassRequest("simulated", {}, 2, 20.0, 5.0, 1.0, "").order()
-        ['full', 'dimmed', 'dimmed', 'full']
+        Orders that go with a drift, straight or bent, are drawn again; where passes are few, what is left of
+        them may go with it a little more.
+
+        >>> PassRequest("simulated", {}, 3, 20.0, 5.0, 1.0, "", seed=1).order()
+        ['full', 'dimmed', 'dimmed', 'full', 'full', 'dimmed']
         """
-        return [version for k in range(self.rounds) for version in (VERSIONS, VERSIONS[::-1])[k % 2]]
+        order, draw, most = list(VERSIONS) * self.rounds, random.Random(self.seed), IN_STEP
+        draw.shuffle(order)
+        while self.rounds > 1 and max(_in_step(order, power) for power in (1, 2)) > most:
+            draw.shuffle(order)
+            most *= 1.02
+        return order
+
+
+def _in_step(order: Sequence[str], power: int) -> float:
+    """Return the correlation of an order with a power of time, from its middle."""
+    middle = (len(order) - 1) / 2
+    times = [(k - middle) ** power for k in range(len(order))]
+    return abs(statistics.correlation([float(version == VERSIONS[0]) for version in order], times))
 
 
 def measure_passes(

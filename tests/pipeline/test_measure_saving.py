@@ -6,13 +6,16 @@ import math
 import re
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from emulators.ours import attach
 
 from evenlight.analysis.played_power.device_saving import device_saving
+from evenlight.analysis.played_power.pass_power import PassComparison
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.data_schema.recordings.played_power import DevicePass, DeviceSaving
@@ -24,7 +27,7 @@ from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.simulated.clocks import WaitingClock
 
 FILMS = ("--full", "bikes.mp4", "--dimmed", "bikes-dimmed.mp4")
-ORDER = ["full", "dimmed", "dimmed", "full"] * 2
+VERSIONS = ["dimmed", "full"]
 LATE = 0.15  # [s] after which the gauge shows a new load
 # A player, and a gauge that shows the new load when it is told that it is time.
 PLAYER = """
@@ -108,7 +111,7 @@ def test_a_simulated_device_saves_what_its_panel_does(command: Any, tmp_path: Pa
     assert saving["saving_percent"] == pytest.approx(100 * 80 * 0.001858 / (0.2945 + 200 * 0.001858), abs=0.2)
     assert saving["saving_percent_ci_low"] < saving["saving_percent"] < saving["saving_percent_ci_high"]
     assert saving["simulated"]
-    assert [one["version"] for one in saving["passes"]] == ORDER
+    assert sorted(one["version"] for one in saving["passes"]) == sorted(VERSIONS * 4)
     assert (out / "saving.png").read_bytes()[:4] == b"\x89PNG"
     passes = read_rows(DevicePass, out / "passes.csv")
     assert [one.duration for one in passes] == [105.0] * 8  # 120 s, less 15 s to settle
@@ -138,7 +141,7 @@ def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_cou
 
     passes, apparatus = measure_passes(request, tmp_path / "out", input, begin)
     saving = device_saving(passes, request, apparatus, tmp_path / "out")
-    assert (laptop / "played").read_text().split() == ["bright", "dim", "dim", "bright"]
+    assert (laptop / "played").read_text().split() == [request.films[version] for version in request.order()]
     assert saving.saving_percent == pytest.approx(20.0)
     assert saving.full_power == pytest.approx(10.0)
     assert not saving.simulated
@@ -150,12 +153,8 @@ def test_a_person_is_asked_to_start_each_version(laptop, clock, tmp_path) -> Non
     questions = []
     request = PassRequest(f"battery:{laptop}", {"full": "a.mp4", "dimmed": "b.mp4"}, 2, 0.5, 0.0, 20.0, "")
     passes, _ = measure_passes(request, tmp_path / "out", lambda words: questions.append(words) or "", print)
-    assert [words.partition(": ")[2].split()[1] for words in questions] == [
-        "a.mp4",
-        "b.mp4",
-        "b.mp4",
-        "a.mp4",
-    ]
+    films = [request.films[version] for version in request.order()]
+    assert [words.partition(": ")[2].split()[1] for words in questions] == films
     assert all("press Enter when it runs" in words for words in questions)
     assert device_saving(passes, request, {}, tmp_path / "out").saving_percent == pytest.approx(0.0, abs=1e-9)
 
@@ -202,7 +201,7 @@ def test_without_a_person_or_a_player_nothing_is_made(laptop, tmp_path) -> None:
 
 
 def test_a_player_that_fails_ends_it(laptop, tmp_path) -> None:
-    with pytest.raises(InputError, match=r"--play: false bright ended with the code 1"):
+    with pytest.raises(InputError, match=r"--play: false (bright|dim) ended with the code 1"):
         measured(asked(laptop, 0.0, play="false {film}"), tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
@@ -320,3 +319,51 @@ def test_what_is_detectable_by_hand(tmp_path) -> None:
     found = device_saving(passes, request, {}, tmp_path)
     half = (found.ci_high - found.ci_low) / 2
     assert found.detectable_percent == pytest.approx(half * (12.706 + 1.3764) / 12.706, rel=1e-3)
+
+
+def coverage(
+    drift: Callable[[np.ndarray, np.random.Generator], np.ndarray], orders: list[list[str]]
+) -> float:
+    """Of a saving of 10 %, in passes of 120 s and 15 s between them: how often the interval has it in it."""
+    rng, held = np.random.default_rng(7), 0
+    seconds = np.arange(12 * 135.0)
+    for order in orders:
+        power = 5.0 * drift(seconds, rng) * (1 + 0.002 * rng.standard_normal(seconds.size))
+        means = power.reshape(12, 135)[:, 15:].mean(axis=1)
+        passes = [
+            DevicePass(k, name, 135.0 * k + 15, 120.0, mean * (0.9 if name == "dimmed" else 1.0), 120, 0, 1.0)
+            for k, (name, mean) in enumerate(zip(order, means, strict=True))
+        ]
+        saving = PassComparison(passes, ("full", "dimmed")).saving("dimmed")
+        assert saving is not None
+        low, high = saving.interval()
+        assert low is not None
+        assert high is not None
+        held += low <= 0.1 <= high
+    return held / len(orders)
+
+
+@pytest.mark.parametrize("period", [300.0, 405.0, 540.0, 810.0])
+def test_no_cycle_of_a_device_keeps_step_with_the_order_of_passes(period: float) -> None:
+    """5 % up and down. Full, dimmed, dimmed, full, …, keeps step with 540 s, which is four passes."""
+
+    def cycle(seconds: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        return 1 + 0.05 * np.sin(2 * np.pi * seconds / period + rng.uniform(0, 2 * np.pi))
+
+    drawn = [PassRequest("", {}, 6, 120.0, 15.0, 1.0, "", seed=k).order() for k in range(600)]
+    assert coverage(cycle, drawn) > 0.9  # 0.95 within chance, of orders and phases
+    if period == 540.0:
+        assert coverage(cycle, [["full", "dimmed", "dimmed", "full"] * 3] * 600) < 0.5
+
+
+def test_the_order_of_passes_is_drawn_anew_and_goes_with_no_drift() -> None:
+    """The correlation with a straight drift, and with a bent one, is 0.3 at most; nothing else is sure."""
+    requests = [PassRequest("", {}, 6, 120.0, 15.0, 1.0, "") for _ in range(100)]
+    orders = [request.order() for request in requests]
+    assert orders == [request.order() for request in requests]
+    assert len({tuple(order) for order in orders}) > 50
+    times = np.arange(12) - 5.5
+    for order in orders:
+        assert order.count("full") == 6
+        full = [version == "full" for version in order]
+        assert max(abs(np.corrcoef(full, times**power)[0, 1]) for power in (1, 2)) < 0.46  # after 20 draws

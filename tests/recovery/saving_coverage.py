@@ -43,7 +43,8 @@ class Device:
 
 def measured_passes(device: Device, rng: np.random.Generator) -> list[DevicePass]:
     """Return the passes, as the command measures them."""
-    order = PassRequest("", {}, device.rounds, device.seconds, device.settle, READ_EVERY, "").order()
+    seed = int(rng.integers(2**32))
+    order = PassRequest("", {}, device.rounds, device.seconds, device.settle, READ_EVERY, "", seed).order()
     length = PAUSE + device.seconds
     times = np.arange(length * len(order))
     film = 1 + 0.1 * np.sin(2 * np.pi * np.arange(device.seconds) / 40)  # the picture changes
