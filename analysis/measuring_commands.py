@@ -79,7 +79,7 @@ def saving(
     ] = "",
     quiet: Annotated[bool, typer.Option("--quiet", help="Print only the closing lines.")] = False,
 ) -> None:
-    """Measure what a dimmed film saves on the device that plays it: both versions many times, by its battery."""
+    """Measure what a dimmed film saves on the device that plays it: both versions in turn, by its battery."""
     from evenlight.analysis.played_power.device_saving import device_saving, write_saving
     from evenlight.hardware.device_passes import PassRequest, measure_passes
 
