@@ -227,8 +227,8 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
     source = AnalysedVideo(known) if known is not None else video_of(video, asked.fps)  # type: ignore[arg-type] # no curves
     job = asked.job(source, display, posed)
     effort = asked.effort(display, job.model, quiet=True)
-    made = optimize_video(replace(job, effort=effort, cached=False, player=False, quiet=True))
-    first, *others = (Track(drawn.track, drawn.summary, curves) for curves, drawn in made.clips)
+    _, clips = optimize_video(replace(job, effort=effort, cached=False, player=False, quiet=True))
+    first, *others = (Track(drawn.track, drawn.summary, curves) for curves, drawn in clips)
     return replace(first, others=tuple(others))
 
 

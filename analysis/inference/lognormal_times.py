@@ -8,7 +8,7 @@ docs/decisions/censored-search-times.md.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -159,20 +159,6 @@ def _leave_no_scatter(data: CensoredTimes, model: GroupedModel) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Contrast:
-    """A linear combination of effects, e.g. of the version at one location.
-
-    Attributes
-    ----------
-    name, weights : str, tuple of float (k,)
-        What it is, and the weights of the columns of the design.
-    """
-
-    name: str
-    weights: tuple[float, ...]
-
-
-@dataclass(frozen=True, slots=True)
 class TimesFit:
     """What the log-normal model of times found.
 
@@ -205,7 +191,7 @@ class TimesFit:
 
 def fit_lognormal_times(
     data: CensoredTimes,
-    contrasts: tuple[Contrast, ...] = (),
+    contrasts: Mapping[str, Sequence[float]] | None = None,
     profiled: tuple[str, ...] | None = None,
     nodes: int | None = None,
 ) -> TimesFit:
@@ -215,8 +201,9 @@ def fit_lognormal_times(
     ----------
     data : CensoredTimes
         The times; hard ones (nothing found, a location nobody found, no scatter) give flags, not numbers.
-    contrasts : tuple of Contrast
-        Linear combinations of effects wanted too, each with the interval of its own profile.
+    contrasts : mapping of str to sequence of float (k,), optional
+        Linear combinations of effects wanted too, e.g. that of the version at one location: the weights of
+        the columns of the design, by name. Each has the interval of its own profile.
     profiled : tuple of str, optional
         Names of the effects and contrasts whose interval and test are by the profile likelihood; the others'
         are by the standard error, which is quicker. None for all.
@@ -225,7 +212,7 @@ def fit_lognormal_times(
     """
     n_groups = np.unique(data.groups).size
     flags = (FitFlag.ONE_PARTICIPANT,) if n_groups == 1 else ()
-    names = data.names, [contrast.name for contrast in contrasts]
+    names = data.names, tuple(contrasts or ())
     without = partial(times_fit_without_numbers, names, data.times.size, n_groups)
     if not data.observed.any():
         return without((FitFlag.NOTHING_OBSERVED, *flags))
@@ -236,18 +223,17 @@ def fit_lognormal_times(
         partial(marginal_likelihood, model.padded, nodes=nodes), model.padded.n_fixed, LARGEST_SD
     )
     top = maximum(objective, model.start)
-    units = [
-        Contrast(name, tuple(row)) for name, row in zip(data.names, np.eye(len(data.names)), strict=True)
-    ]
+    k = len(data.names)
+    weights = [*np.eye(k), *(contrasts or {}).values()]
     every = tuple(
-        _effect(data, model, (objective, top), asked, profiled is None or asked.name in profiled)
-        for asked in (*units, *contrasts)
+        _effect(data, model, (objective, top), asked, profiled is None or asked[0] in profiled)
+        for asked in zip((*names[0], *names[1]), weights, strict=True)
     )
     residual_sd = 1 / float(top.parameters[0])
     group_sd, slope_sd = _spread(model, top)
     return TimesFit(
-        effects=every[: len(units)],
-        contrasts=every[len(units) :],
+        effects=every[:k],
+        contrasts=every[k:],
         residual_sd=residual_sd,
         group_sd=group_sd,
         slope_sd=slope_sd,
@@ -262,20 +248,20 @@ def _effect(
     data: CensoredTimes,
     model: GroupedModel,
     found: tuple[Objective, Maximum],
-    asked: Contrast,
+    asked: tuple[str, Sequence[float] | Array],
     profiled: bool,
 ) -> FixedEffect:
     """Return a combination of effects, w β: one effect of a design that is turned so that it has it.
 
     X β = X M β' with β'_m = w β for a column m of weight w_m ≠ 0 and β'_l = β_l for the others.
     """
-    weights = np.asarray(asked.weights, dtype=np.float64)
+    name, weights = asked[0], np.asarray(asked[1], dtype=np.float64)
     if weights.shape != (len(data.names),) or not weights.any():
         raise ValueError(
-            f"contrast {asked.name!r} needs {len(data.names)} weights that are not all 0, got {weights}"
+            f"contrast {name!r} needs {len(data.names)} weights that are not all 0, got {weights}"
         )
     if not in_row_space(weights, data.design):
-        return FixedEffect(asked.name, flags=(FitFlag.NOT_ESTIMABLE,))
+        return FixedEffect(name, flags=(FitFlag.NOT_ESTIMABLE,))
     design = model.design
     kept = weights[list(design.places)]
     m = int(np.argmax(np.abs(kept)))
@@ -287,7 +273,7 @@ def _effect(
     reference = reference_of(turned, m, design.groups, int(data.observed.sum()), slope)
     span = float(np.ptp(turned[:, m])) or float(np.abs(turned[:, m]).max())
     profile = Profile(*_turned(*found, turn), 1 + m, scale=0)
-    return profiled_effect(asked.name, profile, span, FURTHEST, reference, profiled)
+    return profiled_effect(name, profile, span, FURTHEST, reference, profiled)
 
 
 def _turned(likelihood: Objective, top: Maximum, turn: Array) -> tuple[Objective, Maximum]:

@@ -23,7 +23,6 @@ from scipy import special
 from evenlight.analysis.inference.fixed_effects import FitFlag, FixedEffect, Flag, student_effect
 from evenlight.analysis.inference.lognormal_times import (
     CensoredTimes,
-    Contrast,
     TimesFit,
     fit_lognormal_times,
     times_fit_without_numbers,
@@ -169,10 +168,7 @@ def _fit(
     nuisance = {VISIT: table.visit, ORDER: table.order}
     own = {**columns, **{name: value for name, value in nuisance.items() if np.unique(value).size > 1}}
     names = (*own, *(f"place {k}" for k in range(dummies.shape[1])))
-    contrasts = tuple(
-        Contrast(name, tuple(float(column in added) for column in names))
-        for name, added in (sums or {}).items()
-    )
+    contrasts = {name: [float(column in added) for column in names] for name, added in (sums or {}).items()}
     design = np.column_stack([*own.values(), dummies])
     why = _unfit(table, design)
     if why is not None:

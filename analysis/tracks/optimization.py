@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -42,16 +42,11 @@ from evenlight.method.optimizer.splitting import make_solver
 from evenlight.progress import shown_progress
 from evenlight.stimuli.video.square_pixels import pixel_aspect
 
-
-@dataclass(frozen=True, slots=True)
-class Optimization:
-    """What came of a job: of its whole budget, and of the video and each clip that shares the budget."""
-
-    summary: OptimizationSummary
-    clips: tuple[tuple[LossCurves, DrawnTrack], ...]
+# What came of a job: of its whole budget, and of the video and each clip that shares the budget.
+Optimized = tuple[OptimizationSummary, tuple[tuple[LossCurves, DrawnTrack], ...]]
 
 
-def optimize_video(job: OptimizationJob, watchers: Sequence[FrameWatcher] = ()) -> Optimization:
+def optimize_video(job: OptimizationJob, watchers: Sequence[FrameWatcher] = ()) -> Optimized:
     """Analyse the videos of a job and find their brightness tracks.
 
     There is a watcher for its video and for each clip that shares the budget, or none. `InputError` if it
@@ -78,7 +73,7 @@ def _optimize_curves(
     samples: Sequence[FrameSamples],
     curves_s: float = 0.0,
     by_measure: Sequence[LossCurves] = (),
-) -> Optimization:
+) -> Optimized:
     """Find the tracks of a job's video and of the clips that share its budget, of which curves are known.
 
     The curves took a time `curves_s` [s]; `by_measure` are those by each further measure of a robust job.
@@ -109,7 +104,7 @@ def _optimize_curves(
     track = track_of(problem, job.request, factors, header)
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
-        return Optimization(summary, (_clip(problem, track, summary, samples[0]),))
+        return summary, (_clip(problem, track, summary, samples[0]),)
     clips, first = [], 0
     # The bound of all clips does not say how much worse than the best a single one is.
     answer = replace(answer, lower_bound=0.0)
@@ -122,7 +117,7 @@ def _optimize_curves(
         own_effort = replace(effort, pixel_aspect=float(pixel_aspect(source)))
         alone = summarize(part, job.request, answer, track, own_effort)
         clips.append(_clip(part, track, alone, held, counts))
-    return Optimization(summary, tuple(clips))
+    return summary, tuple(clips)
 
 
 def _clip(
@@ -138,10 +133,10 @@ def _clip(
 
 
 def _robust(job: OptimizationJob, measures: Measures, solver: Solver) -> tuple[Array, SolverAnswer]:
-    found = optimize_robustly(measures, solver)
+    found, bound, bounds = optimize_robustly(measures, solver)
     factors = calmed(measures.problems[0], found.factors, job.calm, measures.worst)
-    worst, each = found.outcome(job.robust, measures, factors)
-    answer = SolverAnswer(found.bounds[0], found.iterations, job.model_name, minimized=worst, by_measure=each)
+    worst, each = measures.outcome(job.robust, factors, bound, bounds)
+    answer = SolverAnswer(bounds[0], found.iterations, job.model_name, minimized=worst, by_measure=each)
     return factors, answer
 
 

@@ -38,16 +38,16 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
     Of several clips that share the budget, each gets a folder of its own in it, numbered and named for it.
     """
     recorders = _recorders(job)
-    result = optimize_video(job, [recorder.watch for recorder in recorders])
-    write_json_record(folder / "summary.json", result.summary)
-    several = len(result.clips) > 1
-    for number, ((curves, data), recorder) in enumerate(zip_longest(result.clips, recorders), start=1):
+    summary, clips = optimize_video(job, [recorder.watch for recorder in recorders])
+    write_json_record(folder / "summary.json", summary)
+    several = len(clips) > 1
+    for number, ((curves, data), recorder) in enumerate(zip_longest(clips, recorders), start=1):
         path = folder / clip_folder(number, curves.video) if several else folder
         path.mkdir(exist_ok=True)
         _write_track(curves, data, job, path, recorder)
         if several:
             write_json_record(path / "summary.json", data.summary)
-    return result.summary
+    return summary
 
 
 @one_blas_thread

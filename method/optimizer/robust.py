@@ -80,48 +80,25 @@ class Measures:
         """Return the largest of these shares."""
         return float(self.shares(factors).max())
 
-    def checked(self, bound: float, worst: float) -> float:
-        """Return a bound on the worst share, once it is checked to be one (`lower_bound.checked_bound`)."""
-        return checked_bound(bound, worst, ROUNDING_OF_LOSS / float(self.baselines().min()))
-
-
-@dataclass(frozen=True, slots=True)
-class RobustSolution:
-    """A track that is good by all measures.
-
-    Attributes
-    ----------
-    factors : array, (N,)
-        b; budget, rate limit and bounds are met.
-    iterations : int
-        Of all solutions.
-    bounds : tuple of float
-        What no track's objective can be below, by each measure.
-    bound : float
-        What no track's worst share can be below; above the share of these factors by rounding at most.
-    """
-
-    factors: Array
-    iterations: int
-    bounds: tuple[float, ...]
-    bound: float
-
     def outcome(
-        self, names: Sequence[str], measures: Measures, factors: Array
+        self, names: Sequence[str], factors: Array, bound: float, bounds: Sequence[float]
     ) -> tuple[MinimizedOutcome, tuple[MinimizedOutcome, ...]]:
-        """Return what factors achieve, (N,): these, or calmer ones, by the worst measure and by each."""
-        constant, found = measures.problems[0].baseline(), []
-        for name, problem, bound in zip(names, measures.problems, self.bounds, strict=True):
+        """Return what factors achieve, (N,), by the worst measure and by each; bounds are checked to be some.
+
+        The bounds are those of `optimize_robustly`, the factors its own or calmer ones.
+        """
+        constant, found = self.problems[0].baseline(), []
+        for name, problem, own in zip(names, self.problems, bounds, strict=True):
             ours = problem.objective(factors)
-            checked = checked_bound(bound, ours)
+            checked = checked_bound(own, ours)
             found.append(MinimizedOutcome(name, ours, problem.objective(constant), checked))
-        worst = measures.worst(factors)
-        bound = measures.checked(self.bound, worst)
+        worst = self.worst(factors)
+        bound = checked_bound(bound, worst, ROUNDING_OF_LOSS / float(self.baselines().min()))
         name = f"worst of {', '.join(names)}"
-        return MinimizedOutcome(name, worst, measures.worst(constant), bound), tuple(found)
+        return MinimizedOutcome(name, worst, self.worst(constant), bound), tuple(found)
 
 
-def optimize_robustly(measures: Measures, solver: Solver) -> RobustSolution:
+def optimize_robustly(measures: Measures, solver: Solver) -> tuple[Solution, float, tuple[float, ...]]:
     """Return the track found whose worst measure is best, and bounds on what any could reach.
 
     Parameters
@@ -130,6 +107,15 @@ def optimize_robustly(measures: Measures, solver: Solver) -> RobustSolution:
         The problem by each measure.
     solver : Solver
         For each measure alone: where the search begins.
+
+    Returns
+    -------
+    solution : Solution
+        Its iterations are of all searches.
+    bound : float
+        What no track's worst share can be below; above the share of this one by rounding at most.
+    bounds : tuple of float
+        What no track's objective can be below, by each measure.
     """
     problems = measures.problems
     alone = [optimize(problem, solver) for problem in problems]
@@ -143,7 +129,7 @@ def optimize_robustly(measures: Measures, solver: Solver) -> RobustSolution:
         tried.append(search.best)
         bound, iterations = max(bound, search.bound()), iterations + search.iterations
     best = min((b for b in tried if is_feasible(problems[0], b)), key=measures.worst)
-    return RobustSolution(best, iterations, bounds, bound)
+    return Solution(best, iterations), bound, bounds
 
 
 class _JointSearch:

@@ -17,11 +17,7 @@ from ordinal_levels import covers
 from studies import Mapped, run_study
 
 from evenlight.analysis.inference.fixed_effects import FixedEffect
-from evenlight.analysis.inference.lognormal_times import (
-    CensoredTimes,
-    Contrast,
-    fit_lognormal_times,
-)
+from evenlight.analysis.inference.lognormal_times import CensoredTimes, fit_lognormal_times
 
 PARTICIPANTS = 17
 LIMIT = 30.0  # s
@@ -104,7 +100,7 @@ def fitted_time_effect(truth: TimesTruth, data: CensoredTimes) -> FixedEffect:
     """Return the effect in question as it was fitted."""
     if truth.tested == "location":
         weights = (-1.0, 1.0) + (0.0,) * (len(data.names) - 2)
-        return fit_lognormal_times(data, (Contrast("location", weights),), ("location",)).contrasts[0]
+        return fit_lognormal_times(data, {"location": weights}, ("location",)).contrasts[0]
     fit = fit_lognormal_times(data, profiled=(truth.tested,))
     return next(effect for effect in fit.effects if effect.name == truth.tested)
 
