@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
 import typer
 
@@ -16,7 +15,6 @@ from evenlight.analysis.wording import percent
 from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.play_options import with_options
 from evenlight.method.choices import AnalysisEffort
-from evenlight.option_panels import output
 
 if TYPE_CHECKING:
     from evenlight.analysis.tracks.control_run import ControlJob
@@ -26,8 +24,6 @@ if TYPE_CHECKING:
 @dataclass(frozen=True, kw_only=True)
 class ControlledOptions(Steered, OneVideo, Analysed):
     """What `evenlight control` takes beside the display and its limits."""
-
-    out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")]
 
 
 def _control(asked: ControlledOptions, on: DimmedOn) -> None:

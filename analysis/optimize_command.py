@@ -2,26 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Annotated
+from dataclasses import replace
 
 import typer
 
 from evenlight.analysis.tracks.track_request import OneVideo, TrackRequest, closing_words
 from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.play_options import with_options
-from evenlight.option_panels import output
 
 
-@dataclass(frozen=True, kw_only=True)
-class OptimizedVideo(OneVideo):
-    """What `evenlight optimize` takes beside what is wanted."""
-
-    out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")]
-
-
-def _optimize(wanted: TrackRequest, one: OptimizedVideo) -> None:
+def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     """Find the brightness track of a video: how bright each frame is shown to meet a power budget.
 
     Frames lose more nearly the same share of visible contrast than if all were dimmed alike, and brightness
@@ -48,4 +38,4 @@ def _optimize(wanted: TrackRequest, one: OptimizedVideo) -> None:
         typer.echo("\n".join([*gain_in_words(summary), detection_in_words(summary), frames, closing]))
 
 
-optimize = with_options(_optimize, TrackRequest, OptimizedVideo)
+optimize = with_options(_optimize, TrackRequest, OneVideo)

@@ -26,7 +26,7 @@ from evenlight.method.choices import (
     SolverName,
 )
 from evenlight.method.contrast.measures import MEASURES, ROBUST, measures_named
-from evenlight.option_panels import asked, expert
+from evenlight.option_panels import asked, expert, output
 from evenlight.stimuli.dimming_options import (
     File,
     JobsOption,
@@ -285,9 +285,10 @@ class TrackRequest(Analysed, WantedOfAll):
 
 @dataclass(frozen=True, kw_only=True)
 class OneVideo:
-    """The video of a command, and whether it tells of it."""
+    """The video of a command, where its results go, and whether it tells of it."""
 
     video: VideoArgument
+    out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")]
     quiet: QuietOption = False
 
     def __post_init__(self) -> None:

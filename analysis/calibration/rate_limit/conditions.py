@@ -159,19 +159,15 @@ def effect_with_interval(
     return ConditionEffect(*pair, middle, low, high)
 
 
-@dataclass(frozen=True, slots=True)
-class ThresholdModel:
-    """The mixed model of thresholds of one or several conditions."""
-
-    basis: CurveBasis
-    model: MixedModelFit  # the curve's coefficients first, then the effects of the conditions
-    data: GroupedEstimates
-    reference: Condition  # whose curve it is
-    effects: tuple[ConditionEffect, ...] = ()  # of the other conditions
+# A curve, the mixed model that it is of, and the thresholds fitted. The model has the curve's coefficients
+# first, then the effects of the conditions.
+FittedCurve = tuple[CurveBasis, MixedModelFit, GroupedEstimates]
 
 
-def model_of_thresholds(used: Sequence[Threshold], options: RateLimitOptions) -> ThresholdModel:
-    """Return the curve of the reference condition, and the other conditions' effects in ln(rate).
+def model_of_thresholds(
+    used: Sequence[Threshold], options: RateLimitOptions
+) -> tuple[FittedCurve, Condition, tuple[ConditionEffect, ...]]:
+    """Return the curve of the reference condition, which that is, and the others' effects in ln(rate).
 
     The polynomial of the rate itself has no additive effect in ln(rate): it is fitted to the reference's
     thresholds alone, the effects come from the polynomial of ln(rate).
@@ -179,23 +175,26 @@ def model_of_thresholds(used: Sequence[Threshold], options: RateLimitOptions) ->
     conditions = conditions_of(used)
     if len(conditions) < 2:
         allowed_references(conditions, options)
-        return _model(used, options, conditions[0])
+        return _model(used, options, conditions[0])[0], conditions[0], ()
     logarithmic = options
     if options.form is RateLimitForm.RATE:
         logarithmic = dataclasses.replace(options, form=RateLimitForm.LN_RATE)
     allowed = allowed_references(conditions, options)
-    found = _model(used, logarithmic, allowed[0])
-    ratios = {effect.condition: effect.ratio for effect in found.effects if effect.condition in allowed}
-    lowest = min(ratios, key=lambda condition: ratios[condition], default=allowed[0])
+    reference = allowed[0]
+    curve, effects = _model(used, logarithmic, reference)
+    ratios = {effect.condition: effect.ratio for effect in effects if effect.condition in allowed}
+    lowest = min(ratios, key=lambda condition: ratios[condition], default=reference)
     if ratios.get(lowest, 1.0) < 1.0:
-        found = _model(used, logarithmic, lowest)
-    if options.form is not RateLimitForm.RATE:
-        return found
-    own = [t for t in used if condition_of(t) == found.reference]
-    return dataclasses.replace(_model(own, options, found.reference), effects=found.effects)
+        reference = lowest
+        curve, effects = _model(used, logarithmic, reference)
+    if options.form is RateLimitForm.RATE:
+        curve, _ = _model([t for t in used if condition_of(t) == reference], options, reference)
+    return curve, reference, effects
 
 
-def _model(used: Sequence[Threshold], options: RateLimitOptions, reference: Condition) -> ThresholdModel:
+def _model(
+    used: Sequence[Threshold], options: RateLimitOptions, reference: Condition
+) -> tuple[FittedCurve, tuple[ConditionEffect, ...]]:
     luminance = np.array([t.luminance for t in used])
     basis = basis_for(luminance, options, len(set(joined_luminances(used))))
     own = [condition_of(t) for t in used]
@@ -217,7 +216,7 @@ def _model(used: Sequence[Threshold], options: RateLimitOptions, reference: Cond
         _effect_of((other, reference), float(ln_ratio), float(error), residuals, used)
         for other, ln_ratio, error in zip(others, model.coefficients[size:], deviations[size:], strict=True)
     )
-    return ThresholdModel(basis, model, data, reference, effects)
+    return (basis, model, data), effects
 
 
 def _require_distinct(design: Array, others: Sequence[Condition]) -> None:

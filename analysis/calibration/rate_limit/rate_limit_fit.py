@@ -134,9 +134,8 @@ def fit_thresholds(
     excluded = tuple(t for t in thresholds if t.flag in UNUSABLE)
     require_within_rates(thresholds)
     _require_levels(used, excluded, options)
-    found = model_of_thresholds(used, options)
-    own = tuple(t for t in used if condition_of(t) == found.reference)
-    basis, model, data = found.basis, found.model, found.data
+    (basis, model, data), reference, effects = model_of_thresholds(used, options)
+    own = tuple(t for t in used if condition_of(t) == reference)
     size = basis.degree + 1
     several = data.n_groups > 1
     coefficients = model.coefficients[:size]
@@ -152,7 +151,7 @@ def fit_thresholds(
         options,
         procedure=used[0].procedure,
         model=RateLimitModel.INDIVIDUAL,
-        **found.reference.of_limit,
+        **reference.of_limit,
     )
     _require_known(limit, basis.degree)
     df = len({t.luminance for t in used}) - size
@@ -167,10 +166,10 @@ def fit_thresholds(
         excluded=excluded,
         notes=_exclusion_notes(excluded, len(thresholds))
         + (() if several else (ONE_PARTICIPANT,))
-        + condition_notes(found.reference, found.effects, chosen)
+        + condition_notes(reference, effects, chosen)
         + shape_notes(basis, coefficients, df),
-        reference=found.reference,
-        effects=found.effects,
+        reference=reference,
+        effects=effects,
     )
 
 
