@@ -176,7 +176,12 @@ KINDS = (
     RecordKind(SweepManifest, _JSON, "sweep.json", "a sweep of `evenlight run`"),
     RecordKind(LuminanceReading, _LINES, "readings.jsonl", "`evenlight run luminance-sweep`"),
     RecordKind(PowerReading, _LINES, "readings.jsonl", "`evenlight run power-sweep`"),
-    RecordKind(LuminanceLevel, _CSV, "luminance_levels.csv brightness.csv", "`evenlight fit`"),
+    RecordKind(
+        LuminanceLevel,
+        _CSV,
+        "luminance_levels.csv brightness.csv",
+        "`evenlight fit` (`luminance_levels.csv`: earlier versions)",
+    ),
     RecordKind(DisplayFit, _JSON, "display_fit.json", "`evenlight fit`"),
     RecordKind(PowerFit, _JSON, "power_fit.json", "`evenlight fit`"),
     RecordKind(PowerLog, _JSON, "power_log.json", "`evenlight measure played`"),

@@ -6,6 +6,7 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import described, record
 
 REQUEST = "request.toml"
+COMMANDS = ("optimize", "control", "catalogue", "judge", "fit", "analyze")
 Asked = bool | int | float | str | tuple[str, ...]  # what an option or argument can be
 
 
@@ -13,7 +14,7 @@ Asked = bool | int | float | str | tuple[str, ...]  # what an option or argument
 class ResultRequest:
     """What a command was asked, and of what: with `--request` it makes the result again."""
 
-    command: str = described("the command of `evenlight` that made the result", pattern="[a-z]+")
+    command: str = described(f"the command of `evenlight` that made the result: {', '.join(COMMANDS)}")
     provenance: Provenance = described(
         "the software, and the SHA-256 of each file or folder that is named", factory=Provenance
     )
@@ -22,3 +23,7 @@ class ResultRequest:
         "files are from the folder where the command ran",
         factory=dict,
     )
+
+    def __post_init__(self) -> None:
+        if self.command not in COMMANDS:
+            raise ValueError(f"command must be one of {', '.join(COMMANDS)}, got {self.command!r}")

@@ -117,7 +117,10 @@ class OnlineController:
 
     def __repr__(self) -> str:
         now = "before the first frame" if self.factor is None else f"factor {self.factor:.3f}"
-        return f"<OnlineController: target loss {self.target_loss:.3g}, {now}>"
+        aim = f"target loss {self.target_loss:.3g}"
+        if self._budget is not None:
+            aim = f"budget {self._budget.budget:.3g} ({self._budget.budget_unit.value})"
+        return f"<OnlineController: {aim}, {now}>"
 
     def step(self, frame: Frame | NDArray[Any], duration: float | None = None) -> float:
         """Return the brightness factor b that a frame is to be shown with.

@@ -69,6 +69,8 @@ class TaskDeclaration:
     frames: type[Any] = ClipLog
 
     def __post_init__(self) -> None:
+        if not isinstance(self.name, str):
+            raise InputError(f"name must be a text, got {self.name!r}")
         if not self.name.isidentifier() or self.name != self.name.lower() or self.name in BUILT_IN_TASKS:
             raise InputError(
                 "the name of a task must be of small letters, digits and underscores, and none of "

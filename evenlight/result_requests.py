@@ -128,6 +128,10 @@ def _asked_in(file: Path, context: typer.Context, kinds: Mapping[str, Any]) -> d
 def _file_of(named: Path) -> Path:
     from evenlight.data_schema.result_request import REQUEST
 
+    if named.is_dir() and not (named / REQUEST).exists():
+        raise InputError(
+            f"{named}: holds no {REQUEST}: an earlier version made it, or Python; give its options themselves"
+        )
     return named / REQUEST if named.is_dir() else named
 
 
@@ -166,12 +170,13 @@ def _told_of_file(words: str, request: Path, context: typer.Context) -> str:
     file, given = _file_of(request), context.default_map or {}
     options = {key: one for key, one in _options_by_key(context).items() if _is_of_file(one, context)}
     keys = {flag: key for key, one in options.items() for flag in (*one.opts, *one.secondary_opts)}
-    told = re.sub(r"--[a-z][a-z-]*", lambda found: keys.get(found[0], found[0]), words)
     if words.startswith(tuple(keys)):
+        told = re.sub(r"--[a-z][a-z-]*", lambda found: keys.get(found[0], found[0]), words)
         return f"{file}: asked: {told}"
     values = [value for one in options.values() for value in _listed(given[one.name])]
-    named = told != words or any(isinstance(value, str) and value in words for value in values)
-    return f"{told} (asked in {file})" if named else words
+    if any(isinstance(value, str) and repr(value) in words for value in values):
+        return f"{words} (asked in {file}; names in it are from the folder where its command ran)"
+    return words
 
 
 def _listed(value: Any) -> list[Any]:

@@ -112,13 +112,13 @@ def named_driver(name: str, drivers: Mapping[str, Driver], what: str) -> NamedDr
     if emulated and driver in drivers and driver not in offered:
         raise InputError(f"{name}: {driver} brings no emulated instrument; `simulated` needs no device")
     if driver in GONE:
-        raise InputError(f"{name}: there is no {what} {driver!r} any more: {GONE[driver]}")
+        raise InputError(f"{name.rstrip(':')}: there is no {what} {driver!r} any more: {GONE[driver]}")
     if driver not in offered:
         kind = f"emulated {what}" if emulated else what
         raise InputError(f"{name}: there is no {kind} {driver!r}; {_offer(driver, offered)}")
     if drivers[driver].needs_address and not (address or emulated):
         raise InputError(
-            f"{name}: where is it? Give {driver}:ADDRESS; `evenlight measure list` shows its form"
+            f"{name.rstrip(':')}: where is it? Give {driver}:ADDRESS; `evenlight measure list` shows its form"
         )
     return NamedDriver(driver, drivers[driver], address, emulated)
 

@@ -39,6 +39,8 @@ from evenlight.data_schema.storage.text_files import read_json_lines, read_json_
 from evenlight.method.suspect_readings import CLEAR, TOLERANCES, Tolerance, suspect_readings
 
 FEWEST_LATE = 5  # readings of the warm-up, of which a line can tell one that is off
+ALIKE = 0.02  # levels that are nearer than this may read alike
+DARK = 10  # times the floor of what is tolerated: below, levels may read alike
 NORMAL_MAD = 0.6745  # median absolute deviation of normal noise, over its standard deviation
 KINDS = {"pixel value": "L'", "factor": "b"}
 PHASES = {SweepPhase.WARM_UP: "warm-up", SweepPhase.SWEEP: "sweep", SweepPhase.DRIFT: "at the end"}
@@ -108,8 +110,8 @@ class Sweep(Generic[Reading]):
     def n_stale(self) -> int:
         """How many readings repeat the one before to the last digit, though another level was shown.
 
-        Levels count as others if their medians differ by more than is tolerated: then a meter, or its driver,
-        gave an old value. One pair may be chance.
+        Then a meter, or its driver, gave an old value. One pair may be chance; in the dark, and where a
+        display is as bright as it gets, levels do read alike.
         """
         most = max(self._n_stale_in(unit, tolerance) for unit, tolerance in TOLERANCES.items())
         return most if most > 1 else 0
@@ -117,19 +119,16 @@ class Sweep(Generic[Reading]):
     def _n_stale_in(self, unit: str, tolerance: Tolerance) -> int:
         """Return the number for one of the units that a reading may have."""
         every = sorted((*self.readings, *self.left_out), key=attrgetter("index"))
-        own = [r for r in every if r.measured.get(unit) is not None]
-        middles = {
-            level: float(np.median([r.measured[unit] for r in own if r.level == level]))
-            for level in {r.level for r in own}
-        }
-        pairs = ((one, other) for one, other in pairwise(own) if other.index == one.index + 1)
+        own = [(r, value) for r in every if (value := r.measured.get(unit)) is not None]
+        brightest = max((value for _, value in own), default=0.0)
+        bright = brightest - float(tolerance.of(brightest))
         return sum(
-            one.measured[unit] == other.measured[unit]
-            and bool(
-                abs(middles[one.level] - middles[other.level])
-                > tolerance.of(max(middles[one.level], middles[other.level]))
-            )
-            for one, other in pairs
+            value == before
+            and DARK * tolerance.floor < value < bright
+            and reading.index == earlier.index + 1
+            and reading.level[0] == earlier.level[0]
+            and abs(reading.level[1] - earlier.level[1]) > ALIKE
+            for (earlier, before), (reading, value) in pairwise(own)
         )
 
 

@@ -56,6 +56,9 @@ class Steered(AimOptions):
         if self.target_loss is None and self.budget is None:
             target, budget = self.named("target_loss"), self.named("budget")
             raise InputError(f"give {target}, the contrast loss to hold, or {budget}, which it is to follow")
+        if self.budget is None and self.budget_unit is not None:
+            unit, budget = self.named("budget_unit"), self.named("budget")
+            raise InputError(f"{unit} is for {budget}, which is not given")
         bounds = {
             "target_loss": (0.0, 1.0),
             "start_factor": (min_factor, 1.0),

@@ -45,7 +45,7 @@ def video_of(given: Named | VideoSource | Frames, fps: float | None = None) -> V
         return given
     if isinstance(given, np.ndarray) and given.ndim == 3:
         raise InputError(f"video is one frame of shape {given.shape}; give a list of frames")
-    if not isinstance(given, Iterable):
+    if not isinstance(given, Iterable) or isinstance(given, bytes):
         kind = type(given).__name__
         raise InputError(f"video must be a path, a built-in sequence's name or frames, got a {kind}")
     return FramesInMemory(given, FRAMES_PER_SECOND if fps is None else fps)

@@ -87,13 +87,17 @@ def test_a_file_that_has_changed_is_told_of(command: Any, film: str, make_video:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
+        ('command = "optimise"', "command must be one of optimize, control, catalogue, judge, fit, analyze"),
         ('command = "control"', "request.toml: is of `evenlight control`; give it to that command"),
         (
             'command = "optimize"\n[asked]\nbugdet = 0.5',
             "request.toml: asked: unknown key 'bugdet'; did you mean 'budget'?",
         ),
         ('command = "optimize"\n[asked]\nbudget = 0.5', "Missing argument 'video'"),
-        ('command = "optimize"\n[asked]\nvideo = "a.mp4"\nbudget = 0.5', "(asked in request.toml)"),
+        (
+            'command = "optimize"\n[asked]\nvideo = "a.mp4"\nbudget = 0.5',
+            "(asked in request.toml; names in it are",
+        ),
     ],
 )
 def test_what_cannot_be_asked_is_said_in_one_line(command: Any, film: str, text: str, told: str) -> None:
@@ -143,6 +147,22 @@ def test_what_the_command_line_gives_is_told_as_an_option_beside_a_file_too(comm
     refused = command("optimize", "--request", "request.toml", "--display", "none", "--out", "track")
     assert refused.err.startswith("evenlight: none: no such display")
     assert "asked in" not in refused.err
+
+
+def test_what_a_word_of_the_file_happens_to_be_in_is_not_told_of_it(command: Any, film: str) -> None:
+    """The unit of the file, "factor", stands in every message on factors."""
+    Path("request.toml").write_text(
+        f'command = "optimize"\n[asked]\nvideo = "{film}"\nbudget = 0.5\nbudget_unit = "factor"\n'
+    )
+    refused = command("optimize", "--request", "request.toml", "--budget", 2, "--out", "track")
+    assert "budget 2" in refused.err
+    assert "request.toml" not in refused.err
+
+
+def test_a_folder_without_a_request_is_told_so(command: Any) -> None:
+    Path("earlier").mkdir()
+    refused = command("optimize", "--request", "earlier", "--out", "track")
+    assert (refused.code, "earlier: holds no request.toml: an earlier version" in refused.err) == (2, True)
 
 
 def test_a_flag_that_is_on_in_a_file_is_switched_off_beside_it(command: Any, film: str) -> None:
