@@ -12,6 +12,7 @@ from evenlight.analysis.tracks.control_request import Steered
 from evenlight.analysis.tracks.dimming_options import DimmedOn, path_of
 from evenlight.analysis.tracks.track_request import Analysed, OneVideo, closing_words
 from evenlight.analysis.wording import percent
+from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.play_options import with_options
 from evenlight.method.choices import AnalysisEffort
 

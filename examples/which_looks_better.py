@@ -15,24 +15,34 @@ from typing import Any
 import numpy as np
 
 import evenlight
-from evenlight.analysis.dataset_findings import AnalysisOptions
-from evenlight.analysis.inference.binomial_tests import clopper_pearson, exact_p
-from evenlight.analysis.report import Section, Table
-from evenlight.analysis.results import Analysis
-from evenlight.analysis.session_loading import TaskData
-from evenlight.data_schema.analysis_results import Origin, Statistic
-from evenlight.data_schema.quantities import as_in, described, quantity, record
-from evenlight.data_schema.recordings.ramp import Response, Trial, TrialFlag
-from evenlight.data_schema.recordings.rig import Keys
-from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial, Version
-from evenlight.experiments.sessions.task import SessionSetting
-from evenlight.experiments.viewing.comparison_task import (
+from evenlight.tasks import (
+    Analysis,
+    AnalysisOptions,
+    ClipTask,
+    ComparisonDesign,
+    ComparisonTrial,
+    Keys,
+    Origin,
     PlannedComparison,
+    Response,
+    Section,
+    SessionSetting,
+    Statistic,
+    Table,
+    TaskData,
+    Trial,
+    TrialFlag,
+    Version,
+    Viewing,
+    as_in,
+    clopper_pearson,
     comparison_order,
     comparison_practice,
+    described,
+    exact_p,
+    quantity,
+    record,
 )
-from evenlight.experiments.viewing.simulated_viewers import Viewing
-from evenlight.experiments.viewing.viewing_task import ClipTask
 
 
 # What is shown, how often, how. Fields that another task has as well are taken from there.

@@ -170,6 +170,11 @@ def test_a_target_that_is_out_of_reach_is_told(command, tmp_path: Path, walk: Pa
     ("options", "says"),
     [
         ((), "give --target-loss, the contrast loss to hold, or --budget"),
+        (("--target-loss", 0.1, "--horizon", 9), "--horizon is for --budget, which is not given"),
+        (
+            ("--target-loss", 0.1, "--budget-unit", "watt"),
+            "--budget-unit is for --budget, which is not given",
+        ),
         (("--target-loss", 1.5), "--target-loss must lie in 0 to 1, got 1.5"),
         (("--target-loss", "nan"), "--target-loss must be a finite number, got nan"),
         (("--target-loss", 0.1, "--start-factor", 0.1), "--start-factor must lie in 0.2 to 1, got 0.1"),

@@ -32,6 +32,13 @@ def registered(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("EVENLIGHT_TASKS", str(FILE))
 
 
+def test_the_examples_use_names_that_stay() -> None:
+    others = Path(FILE.parent / "evenlight-flicker" / "evenlight_flicker" / "task.py")
+    for file in (FILE, others):
+        modules = re.findall(r"^(?:from|import) (evenlight[.\w]*)", file.read_text(), re.MULTILINE)
+        assert set(modules) <= {"evenlight", "evenlight.tasks"}
+
+
 @pytest.fixture
 def stimuli(tmp_path: Path, make_stimulus: Callable[..., None]) -> Path:
     for name in NAMES:

@@ -12,16 +12,32 @@ from typing import Any
 import numpy as np
 
 from evenlight import Frame, TaskDeclaration
-from evenlight.data_schema.quantities import as_in, described, quantity, record
-from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Response, Trial, TrialFlag
-from evenlight.data_schema.recordings.viewing import ComparisonTrial
-from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, Task, TrialPlace
-from evenlight.experiments.stage import Clip, Stage
-from evenlight.experiments.viewing.simulated_viewers import Viewing
-from evenlight.experiments.viewing.viewing_task import clip_log, shown_columns
-from evenlight.method.contrast.luminance import dimmed_luminance
+from evenlight.tasks import (
+    Clip,
+    ComparisonTrial,
+    ConductedTrial,
+    Pages,
+    Participant,
+    Purpose,
+    RampDesign,
+    RampTrial,
+    Response,
+    SessionSetting,
+    Stage,
+    Task,
+    Trial,
+    TrialFlag,
+    TrialPlace,
+    Viewing,
+    as_in,
+    clip_log,
+    described,
+    dimmed_luminance,
+    generator_for,
+    quantity,
+    record,
+    shown_columns,
+)
 
 SIDE = 256  # [pixels] of the square
 MAX_DROPPED_SHARE = 0.01  # of a trial's refreshes
