@@ -121,6 +121,21 @@ def test_a_session_is_resumed_where_it_was_interrupted(
     assert answered[0] == answered[1]
 
 
+def test_without_the_task_validate_leaves_its_sessions_unchecked_and_says_so(
+    simulated: Path, command: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.delenv("EVENLIGHT_TASKS")
+    for registry in (TASKS, EXPERIMENTS, ANALYSES):
+        registry.pop(TASK)
+    for path in simulated.glob("**/manifest.json"):
+        manifest = json.loads(path.read_text())
+        manifest["design"]["flashes"] = [1, 2]  # which no task of ours has
+        path.write_text(json.dumps(manifest))
+    checked = command("validate", simulated)
+    assert (checked.code, "flashes" in checked.out + checked.err) == (0, False), checked.err
+    assert "is not registered (EVENLIGHT_TASKS)" in checked.out + checked.err
+
+
 def test_simulated_participants_are_analysed_by_the_exact_test_of_the_file(
     simulated: Path, command: Callable[..., Any], tmp_path: Path
 ) -> None:
