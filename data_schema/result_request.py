@@ -14,7 +14,9 @@ Asked = bool | int | float | str | tuple[str, ...]  # what an option or argument
 class ResultRequest:
     """What a command was asked, and of what: with `--request` it makes the result again."""
 
-    command: str = described(f"the command of `evenlight` that made the result: {', '.join(COMMANDS)}")
+    command: str = described(
+        "the command of `evenlight` that made the result", pattern=f"^({'|'.join(COMMANDS)})$"
+    )
     provenance: Provenance = described(
         "the software, and the SHA-256 of each file or folder that is named", factory=Provenance
     )
@@ -23,7 +25,3 @@ class ResultRequest:
         "files are from the folder where the command ran",
         factory=dict,
     )
-
-    def __post_init__(self) -> None:
-        if self.command not in COMMANDS:
-            raise ValueError(f"command must be one of {', '.join(COMMANDS)}, got {self.command!r}")

@@ -111,7 +111,8 @@ def _check_toml(checked: CheckedFile, kind: RecordKind) -> None:
 def _check_json(checked: CheckedFile, kind: RecordKind) -> None:
     text = read_text(checked.path, f"a {kind.words} in JSON")
     content = parse_json(text, str(checked.path), f"a {kind.words}")
-    if kind.record is SessionManifest and isinstance(content, dict) and content.get("task") not in TASKS:
+    task = content.get("task") if kind.record is SessionManifest and isinstance(content, dict) else None
+    if isinstance(task, str) and task not in TASKS:
         content |= {"design": None}  # of a task that is not here nobody knows what is right
     _check_content(checked, kind, content, 0, _place_in_file(checked.path, json_line_numbers(text)))
 

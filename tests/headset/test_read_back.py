@@ -25,7 +25,13 @@ def sequence(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SceneSequence
         yield make_yard(patched, tmp_path_factory.mktemp("yard"))
 
 
-@pytest.fixture(params=[True, False], ids=["counted", "real time"])
+@pytest.fixture(
+    params=[
+        pytest.param(True, id="counted"),
+        # A sample on an edge of the scene may fall to either side, at times that nobody chose.
+        pytest.param(False, id="real time", marks=pytest.mark.real_time),
+    ]
+)
 def devices(request: pytest.FixtureRequest) -> Iterator[PlaybackDevices]:
     rig = replace(load_rig("headset")[0], full_screen=True)
     display = load_display("varjo-xr3")

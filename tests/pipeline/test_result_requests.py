@@ -87,7 +87,7 @@ def test_a_file_that_has_changed_is_told_of(command: Any, film: str, make_video:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ('command = "optimise"', "command must be one of optimize, control, catalogue, judge, fit, analyze"),
+        ('command = "optimise"', "command must match ^(optimize|"),
         ('command = "control"', "request.toml: is of `evenlight control`; give it to that command"),
         (
             'command = "optimize"\n[asked]\nbugdet = 0.5',
@@ -159,10 +159,11 @@ def test_what_a_word_of_the_file_happens_to_be_in_is_not_told_of_it(command: Any
     assert "request.toml" not in refused.err
 
 
+@pytest.mark.usefixtures("film")
 def test_a_folder_without_a_request_is_told_so(command: Any) -> None:
-    Path("earlier").mkdir()
-    refused = command("optimize", "--request", "earlier", "--out", "track")
-    assert (refused.code, "earlier: holds no request.toml: an earlier version" in refused.err) == (2, True)
+    Path("of-python").mkdir()
+    refused = command("optimize", "--request", "of-python", "--out", "track")
+    assert (refused.code, "of-python: holds no request.toml: an earlier version" in refused.err) == (2, True)
 
 
 def test_a_flag_that_is_on_in_a_file_is_switched_off_beside_it(command: Any, film: str) -> None:

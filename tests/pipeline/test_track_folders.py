@@ -74,4 +74,4 @@ def test_a_file_that_is_missing_is_told_before_the_video_is_read(command, tmp_pa
 def test_an_option_of_the_budget_without_a_budget_is_refused(command, tmp_path, option) -> None:
     refused = command("control", "sunrise", "--target-loss", "0.03", *option, "--out", tmp_path / "out")
     assert refused.code == 2
-    assert "are for --budget" in refused.err
+    assert "is for --budget" in refused.err
