@@ -32,7 +32,7 @@ from evenlight.data_schema.display import (
 from evenlight.data_schema.errors import InputError
 from evenlight.method.suspect_readings import LUMINANCE_TOLERANCE, last_digits
 
-LARGEST_DOUBT = 0.05  # share of a luminance, to either side
+LARGEST_DOUBT = 0.05  # share of a luminance, to either side (choice: more than twice what a level may be off)
 FEWEST_LEVELS = 3  # with a value: as many as the curve has parameters
 ASSUMED_NOISE = Noise(0.01, 0.01, 0)  # [cd/m^2, 1] of a meter where no level was read twice
 
@@ -110,10 +110,7 @@ class GammaFit:
 
     @property
     def is_vague(self) -> bool:
-        """Whether the intervals leave open by more than 5 % what L' = 0.5, or 1, shows.
-
-        Decision (docs/decisions/display-fit.md).
-        """
+        """Whether the intervals leave open by more than 5 % what L' = 0.5, or 1, shows."""
         low, high = self.gamma_interval
         darkest, brightest = self.peak_luminance_interval
         at_half = np.log(2) * (high - low) / 2

@@ -21,7 +21,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.method.suspect_readings import POWER_TOLERANCE
 
-LARGEST_DOUBT = 0.05  # share of the slope, to either side
+LARGEST_DOUBT = 0.05  # share of the slope, to either side (choice: as of luminances)
 FEWEST_LEVELS = 3  # a line through two tells nothing of its fit
 
 

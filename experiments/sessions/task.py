@@ -126,13 +126,13 @@ class Task(Generic[Planned]):
     @property
     def minutes(self) -> float:
         """How long the session takes, about."""
-        raise NotImplementedError
+        raise NotImplementedError  # each task has its own
 
     def conduct(
         self, planned: Planned, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show a trial and take the answer. Raises `PausePressed` if the pause key was pressed."""
-        raise NotImplementedError
+        raise NotImplementedError  # each task has its own
 
     def row(self, planned: Planned, answer: Any, columns: dict[str, Any]) -> Any:
         """Return the record of an answered trial; the columns are those of `shown_columns`, and the time.

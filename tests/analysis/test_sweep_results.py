@@ -173,9 +173,16 @@ def test_a_meter_that_gives_old_values_is_named(
     fit_sweep(folder, folder)
     found = read_json_record(DisplayFit, folder / "display_fit.json")
     assert SweepFlag.STALE_READINGS in found.flags
-    # Not those of the warm-up, which is of one level, in the dark, or where a factor follows a pixel value.
-    swept = [k for k in range(every, len(readings), every) if readings[k].level != readings[k - 1].level]
-    assert 0.4 * len(swept) <= found.n_stale <= len(swept)
+    # Of one kind of level, neither dark (ten times 0.02 cd/m^2) nor the brightest (2 % and 0.02 below).
+    bright = 0.98 * max(reading.luminance or 0.0 for reading in readings) - 0.02
+    told = [
+        k
+        for k in range(every, len(readings), every)
+        if readings[k].level[0] == readings[k - 1].level[0]
+        and readings[k].level != readings[k - 1].level
+        and 0.2 < (readings[k].luminance or 0.0) < bright
+    ]
+    assert found.n_stale == len(told) > 1
     assert "repeat the one before to the last digit" in capsys.readouterr().err
 
 
