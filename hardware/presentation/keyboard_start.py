@@ -10,7 +10,8 @@ import struct
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
+from io import StringIO
 from typing import Any
 
 SET_SCHEDULER = {"x86_64": 144, "aarch64": 119}  # numbers of the system call sched_setscheduler
@@ -24,9 +25,10 @@ LATEST_WORDS = 2_000_000  # microseconds until a thread that was not quietened h
 def safe_keyboard_start() -> Iterator[None]:
     """Start PsychHID's thread without its complaint, for a keyboard that is opened within.
 
-    Where a user may not have real-time priority, that thread says so with Python's `print` and does not take
-    the interpreter's lock first, of which Python crashes. Here its request for priority is answered as
-    granted, with no effect but that it says nothing (seccomp(2)); elsewhere nothing changes.
+    Where that thread may not have more priority than the process (a user without real-time priority, a
+    process that has the highest), it says so with Python's `print` and does not take the interpreter's lock
+    first, of which Python crashes. Here its request for priority is answered as granted, with no effect but
+    that it says nothing (seccomp(2)); elsewhere nothing changes.
     """
     try:
         hid = importlib.import_module("psychtoolbox.hid") if sys.platform == "linux" else None
@@ -50,9 +52,10 @@ def _in_a_thread(act: Callable[[], Any]) -> Any:
 
 
 def _gets_priority() -> bool:
-    """Ask for the real-time priority that PsychHID's thread asks for, and return whether it was granted."""
+    """Ask for the priority that PsychHID's thread asks for, one above its own; return whether it was granted."""
+    own = os.sched_getparam(0).sched_priority
     try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(own + 1))
     except OSError:
         return False
     return True
@@ -60,9 +63,11 @@ def _gets_priority() -> bool:
 
 def _start_quietly(start: Callable[[Any], Any], device: Any) -> None:
     """Start the queue of a keyboard, whose thread inherits the filter of the one that starts it."""
-    quiet = _answer_requests_for_priority()
-    start(device)
-    if not quiet:  # the lock is kept meanwhile: calls through PyDLL do not let go of it
+    if _answer_requests_for_priority():
+        start(device)
+        return
+    with redirect_stdout(StringIO()):  # writing there keeps the lock, as calls through PyDLL do
+        start(device)
         ctypes.PyDLL(None).usleep(LATEST_WORDS)
 
 

@@ -90,11 +90,11 @@ def test_the_shift_key_does_not_change_a_name(heard: dict[str, Any]) -> None:
 @pytest.mark.real_time  # the median press is heard within a frame
 def test_a_press_has_the_time_when_the_key_went_down(heard: dict[str, Any]) -> None:
     """Not earlier than it was sent, and within a frame of the moment when the server had it; it is read three
-    frames later. A busy machine wakes the driver late now and then: the median is asked for. A time since
-    1970 has steps of 0.24 us, and the keyboard's clock is turned into such a time: 1 us is no difference.
+    frames later. A busy machine wakes the driver late now and then: the median is asked for. The driver's
+    clock and the window's are related by a pair of readings, some microseconds apart: 0.1 ms is no difference.
     """
     assert len(heard["delays"]) > 60
-    assert min(since_before for since_before, _ in heard["delays"]) > -1e-6
+    assert min(since_before for since_before, _ in heard["delays"]) > -1e-4
     assert statistics.median(since_after for _, since_after in heard["delays"]) < A_FRAME
 
 

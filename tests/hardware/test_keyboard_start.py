@@ -53,7 +53,18 @@ def open_keyboard() -> None:
 def test_a_request_for_priority_is_answered_with_no_other_effect(heard: list[str]) -> None:
     with safe_keyboard_start():
         open_keyboard()
-    assert heard == [f"policy {os.SCHED_OTHER}"]
+    assert heard == [f"policy {os.sched_getscheduler(0)}"]
+
+
+@needs_linux
+def test_where_the_process_has_the_highest_priority_the_thread_gets_none_above_it(
+    heard: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    highest = os.sched_param(os.sched_get_priority_max(os.SCHED_FIFO))
+    monkeypatch.setattr(os, "sched_getparam", lambda process: highest)
+    with safe_keyboard_start():
+        open_keyboard()
+    assert heard == [f"policy {os.sched_getscheduler(0)}"]
 
 
 @needs_linux
