@@ -52,7 +52,7 @@ def _in_a_thread(act: Callable[[], Any]) -> Any:
 
 
 def _gets_priority() -> bool:
-    """Ask for the priority that PsychHID's thread asks for, one above its own; return whether it was granted."""
+    """Ask for what PsychHID's thread asks for, one above its own priority; return whether it was granted."""
     own = os.sched_getparam(0).sched_priority
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(own + 1))

@@ -91,7 +91,7 @@ def test_the_shift_key_does_not_change_a_name(heard: dict[str, Any]) -> None:
 def test_a_press_has_the_time_when_the_key_went_down(heard: dict[str, Any]) -> None:
     """Not earlier than it was sent, and within a frame of the moment when the server had it; it is read three
     frames later. A busy machine wakes the driver late now and then: the median is asked for. The driver's
-    clock and the window's are related by a pair of readings, some microseconds apart: 0.1 ms is no difference.
+    clock and the window's are related by a pair of readings, microseconds apart: 0.1 ms is no difference.
     """
     assert len(heard["delays"]) > 60
     assert min(since_before for since_before, _ in heard["delays"]) > -1e-4
