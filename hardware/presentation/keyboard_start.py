@@ -10,14 +10,16 @@ import struct
 import sys
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager, redirect_stdout
+from contextlib import contextmanager, redirect_stdout, suppress
 from io import StringIO
+from pathlib import Path
 from typing import Any
 
 SET_SCHEDULER = {"x86_64": 144, "aarch64": 119}  # numbers of the system call sched_setscheduler
 NO_NEW_PRIVILEGES, SECCOMP, FILTER = 38, 22, 2  # of prctl(2)
 LOAD, EQUAL, RETURN = 0x20, 0x15, 0x06  # instructions of a filter
 ALLOW, ANSWER_ZERO = 0x7FFF0000, 0x00050000  # what a filter returns
+THREADS = Path("/proc/self/task")
 LATEST_WORDS = 2_000_000  # microseconds until a thread that was not quietened has surely spoken
 
 
@@ -27,42 +29,38 @@ def safe_keyboard_start() -> Iterator[None]:
 
     Where that thread may not have more priority than the process (a user without real-time priority, a
     process that has the highest), it says so with Python's `print` and does not take the interpreter's lock
-    first, of which Python crashes. Here its request for priority is answered as granted, with no effect but
-    that it says nothing (seccomp(2)); elsewhere nothing changes.
+    first, of which Python crashes. So its request for priority is answered as granted, with no effect
+    (seccomp(2)), and the thread is given that priority from here, where it may have it.
     """
     try:
         hid = importlib.import_module("psychtoolbox.hid") if sys.platform == "linux" else None
     except ImportError:
         hid = None
-    if hid is None or _in_a_thread(_gets_priority):
+    if hid is None:
         yield
         return
     start = hid.Keyboard.queue_start
-    hid.Keyboard.queue_start = lambda device: _in_a_thread(lambda: _start_quietly(start, device))
+
+    def start_without_a_word(device: Any) -> None:
+        before = set(THREADS.iterdir())
+        with ThreadPoolExecutor(
+            1
+        ) as threads:  # PsychHID's thread inherits the filter of the one that starts it
+            threads.submit(_start_quietly, start, device).result()
+        above_own = os.sched_getparam(0).sched_priority + 1
+        priority = os.sched_param(min(above_own, os.sched_get_priority_max(os.SCHED_FIFO)))
+        for thread in set(THREADS.iterdir()) - before:
+            with suppress(OSError):
+                os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, priority)
+
+    hid.Keyboard.queue_start = start_without_a_word
     try:
         yield
     finally:
         hid.Keyboard.queue_start = start
 
 
-def _in_a_thread(act: Callable[[], Any]) -> Any:
-    """Return what a function returns, or raise what it raises, in a thread of its own that then ends."""
-    with ThreadPoolExecutor(1) as threads:
-        return threads.submit(act).result()
-
-
-def _gets_priority() -> bool:
-    """Ask for what PsychHID's thread asks for, one above its own priority; return whether it was granted."""
-    own = os.sched_getparam(0).sched_priority
-    try:
-        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(own + 1))
-    except OSError:
-        return False
-    return True
-
-
 def _start_quietly(start: Callable[[Any], Any], device: Any) -> None:
-    """Start the queue of a keyboard, whose thread inherits the filter of the one that starts it."""
     if _answer_requests_for_priority():
         start(device)
         return
