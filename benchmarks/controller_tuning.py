@@ -1,6 +1,6 @@
 """How far the controller's loop is from ringing, and its gains chosen for given content within such margins.
 
-The loop, frame by frame (docs/decisions/controller-tuning.md). A frame's loss is measured at the factor of
+The loop, frame by frame (docs/decisions/online-controller.md). A frame's loss is measured at the factor of
 the frame before, which for small changes is y_k = -s · b_{k-1} + content, with s = |d𝓛_c/db| the slope of its
 loss curve. The controller answers b = C(z) · (y - target), with
 

@@ -5,7 +5,7 @@
 reads the loss curves that `evenlight control` or `evenlight optimize` wrote. `evenlight control` and
 `evenlight walk` take the gains from `--proportional`, `--integral`, `--derivative` and `--gain-rate`.
 They are tuned for the fitted rate limit at each frame's mean luminance alone: not for another luminance that
-the limit may be about, and without allowances. How they are found: docs/decisions/controller-tuning.md.
+the limit may be about, and without allowances. How they are found: docs/decisions/online-controller.md.
 """
 
 from __future__ import annotations

@@ -25,7 +25,7 @@ LARGEST_LN_RATE = 50.0  # either way: e^50 is 5e21, far from any eye and from ov
 LARGEST_RATE = 1e9  # [cd/m^2/s] a thousand times a blinding luminance, within a second
 ROUNDING = 1e-6  # relative, of numbers written with few digits
 # Of what a fit wrote, the curve lies in its band, and its thresholds on average within a factor of 2 of what
-# is known (660 limits of simulated data sets; docs/decisions/contradictory-limits.md).
+# is known (660 limits of simulated data sets; docs/decisions/wide-bands.md).
 BAND_SLACK = 0.02  # share of the rate: coefficients copied with three digits
 FARTHEST_POINTS = math.log(3.0)  # mean distance from thresholds to the band, or to a curve without one
 POINTS_BEYOND = 1.1  # times the luminances measured: a display measured again joins levels 5 % apart
@@ -191,7 +191,7 @@ class RateLimit:
 
         Outside the measured luminances the polynomial means nothing. Below them the relative rate ΔL/L is
         held (thresholds are near-Weber), above them the rate is (see
-        docs/decisions/rate-limit-outside-its-range.md).
+        docs/decisions/rate-constraint.md).
 
         Parameters
         ----------

@@ -1,6 +1,6 @@
 """Work on several processes or computers, by Dask: what `--cluster` names, and tasks for its workers.
 
-Decision (docs/decisions/dask.md): queues, retries and the movement of data are Dask's. A task is a function
+Queues, retries and the movement of data are Dask's. A task is a function
 of a module and its arguments. What it returns depends on these alone, so that neither the number of workers
 nor their order changes a result. Workers must have this software: each task looks, before it runs.
 """

@@ -2,7 +2,7 @@
 
 A track is cut into windows as long as the ramps of the calibration. Each counts as one of its ramps, of the
 window's mean rate relative to the limit, seen by the median participant, who watches a plain screen for it.
-Windows are independent observations (docs/decisions/detectability.md).
+Windows are independent observations (docs/decisions/calm-tracks.md).
 """
 
 from __future__ import annotations

@@ -6,7 +6,7 @@ differ, or if the darker level reads brighter, in both cases by more than is tol
 than this meter's noise explains. The reading that contradicts most of the others is suspect, and so on, until
 no two are left.
 
-Sweeps ask while they read, and fits ask afterwards (docs/decisions/suspect-readings.md).
+Sweeps ask while they read, and fits ask afterwards (docs/decisions/sweeps.md).
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Tolerance:
 
 
 LUMINANCE_TOLERANCE = Tolerance(0.02, 0.02)  # [1, cd/m^2]: docs/decisions/display-fit.md
-POWER_TOLERANCE = Tolerance(0.01, 0.0)  # [1, W]: docs/decisions/power-fit.md
+POWER_TOLERANCE = Tolerance(0.01, 0.0)  # [1, W]: docs/decisions/display-fit.md
 TOLERANCES = {"cd/m^2": LUMINANCE_TOLERANCE, "W": POWER_TOLERANCE}
 
 

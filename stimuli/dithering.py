@@ -1,14 +1,13 @@
 """Which codes a display draws for a luminance, and for the pixels of a dimmed image.
 
-Decision (docs/decisions/dithering.md): a luminance between two neighbouring codes is drawn as a mix of both,
-with a share of the upper one that is linear in light, so that the mean is unbiased in cd/m^2. Everything from
-the share on is whole numbers, so that the shaders of `stimuli.field_renderer` and `stimuli.image_renderer`
+Decision (docs/decisions/dimmed-playback.md): a luminance between two neighbouring codes is drawn as a mix of
+both, with a share of the upper one that is linear in light, so that the mean is unbiased in cd/m^2. From the
+share on all is whole numbers, so that the shaders of `stimuli.field_renderer` and `stimuli.image_renderer`
 draw these very codes. The mean luminance of a frame is then the one meant.
 
-Decision (docs/decisions/dimmed-playback.md): one way for all images. A pixel's level stands for a luminance
-(Eq. 1), the factor dims it, and it is drawn with the two codes next to it; each channel counts as the
-luminance that all three together would have at its level. What is darker than the display's black is drawn
-black.
+One way for all images: a pixel's level stands for a luminance (Eq. 1), the factor dims it, and it is drawn
+with the two codes next to it; each channel counts as the luminance that all three together would have at its
+level. What is darker than the display's black is drawn black.
 """
 
 from __future__ import annotations

@@ -4,7 +4,7 @@ All answers with a random threshold (the estimate to be trusted), all answers po
 given them (the paper's way, if "the answers" means that: no guessing, no lapses, and a curve through the 75 %
 points), and the geometric mean of the thresholds fitted to each participant. Pooling flattens the
 psychometric function by the differences between participants, which moves its 75 % point upwards
-(docs/decisions/pooling.md).
+(docs/decisions/which-model.md).
 
 With a random threshold, P(success of participant p at rate r) = ψ(r; threshold e^{μ + σ z_p}, width, guess_p,
 lapse), z_p standard normal. z_p is integrated out numerically, so that no participant's threshold has to be

@@ -2,7 +2,7 @@
 
 ln t of participant p = x β + w u_p + τ ε, u_p ~ N(0, Σ), ε ~ N(0, 1); what was not found within the limit
 took longer. Effects are differences of ln(time): e^β is a ratio of median times. What is tested against what:
-docs/decisions/censored-search-times.md.
+docs/decisions/cumulative-link-model.md.
 """
 
 from __future__ import annotations

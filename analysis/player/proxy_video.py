@@ -1,6 +1,6 @@
 """The picture of a player page: a small copy of the video, or stills where that would be too large.
 
-Decision (docs/decisions/player-picture.md): H.264 that every browser plays, of every frame at its own time,
+Decision (docs/decisions/player-page.md): H.264 that every browser plays, of every frame at its own time,
 without frames that wait for later ones: what a browser shows at a time is the frame of that time.
 """
 

@@ -57,7 +57,7 @@ class ReproductionPlan:
     seed: int = 1  # of all random numbers
     viewers: int = 17  # simulated participants of the viewing experiments: as many as in the paper
     calibrators: int = 10  # those of the calibration
-    size: tuple[int, int] = (960, 540)  # of the frames [pixels]: docs/decisions/pixels-on-the-visual-field.md
+    size: tuple[int, int] = (960, 540)  # of the frames [pixels]: docs/decisions/what-agreement-shows.md
     frames_per_second: float = 12.5  # of the sequences [Hz]
     walk_frames_per_second: float = 5.0  # of the walk with the online controller [Hz]
     data: Path | None = None  # recorded data, which take the place of simulated ones task by task

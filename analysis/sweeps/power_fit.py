@@ -90,7 +90,7 @@ class LineFit:
     def is_linear(self) -> bool:
         """Whether the line describes the panel.
 
-        Decision (docs/decisions/power-fit.md): it does not if the levels deviate by more than their repeats
+        Decision (docs/decisions/display-fit.md): it does not if the levels deviate by more than their repeats
         scatter, or bend (p < 1 %), and one of them by more than 1 % of its power.
         """
         told = any(p is not None and p < UNLIKELY for p in (self.lack_of_fit_p, self.bend_p))
@@ -110,7 +110,7 @@ def fit_line(points: PowerPoints) -> LineFit:
     Its size is told by the repeats of a level, from P - slope · L, in which both noises are; readings are
     weighed by it. (Noise of L also makes a line flatter, but by less than 1e-5 of its slope for noise of
     0.3 %.) In the test of the levels all degrees of freedom of the repeats count: over the one decade of a
-    power sweep, floor and share of the noise are nearly one number (docs/decisions/power-fit.md).
+    power sweep, floor and share of the noise are nearly one number (docs/decisions/display-fit.md).
 
     Raises
     ------

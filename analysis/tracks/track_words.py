@@ -1,7 +1,7 @@
 """What a track saves, costs and gains: the same words in the terminal, the report, the player and Python.
 
 Loss is in % of visible contrast, a difference of losses in percentage points. From which numbers on there is
-little to gain is a convention: docs/decisions/little-to-gain.md.
+little to gain is a convention: docs/decisions/lower-bound.md.
 """
 
 from __future__ import annotations

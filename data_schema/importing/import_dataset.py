@@ -28,7 +28,7 @@ from evenlight.data_schema.recordings.session import TASKS, ImportSource, Sessio
 def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
     """Write a new data set from another program's files, and return what is to be said of it.
 
-    What the table does not tell stays unknown (docs/decisions/imported-data.md).
+    What the table does not tell stays unknown (docs/decisions/roll-call.md).
 
     Raises
     ------

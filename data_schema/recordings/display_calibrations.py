@@ -2,7 +2,7 @@
 
 A rate limit holds for one display, but a display changes while a study goes on, and is measured again. Levels
 and rates stand in the luminance measured for each session, so that sessions under several calibrations of one
-display make one rate limit (docs/decisions/re-measured-display.md).
+display make one rate limit (docs/decisions/a-result-knows-its-display.md).
 """
 
 from __future__ import annotations

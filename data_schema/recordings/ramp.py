@@ -36,7 +36,7 @@ class Direction(enum.Enum):
 
 
 class IntervalGap(enum.Enum):
-    """What is seen before, between and after two intervals (docs/decisions/interval-gap.md)."""
+    """What is seen before, between and after two intervals (docs/decisions/yes-no-task.md)."""
 
     RANDOM_STEPS = "random_steps"  # two luminances drawn at random, with abrupt steps to and from them
     STEADY = "steady"  # the luminance at which the last interval ended, without any step

@@ -1,7 +1,7 @@
 """The stage of a session in a headset: as on a window, with controllers, and a log of head and frames.
 
-Decision (docs/decisions/headset-seam.md): text stands on a panel that moves with the head. A trial of which
-a frame was not seen, because the headset was taken off, lost the focus or its tracking, is shown again.
+Decision (docs/decisions/headset-photometry.md): text stands on a panel that moves with the head. A trial of
+which a frame was not seen, because the headset was taken off, lost the focus or its tracking, is shown again.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 Decision (docs/decisions/dimmed-playback.md): a refresh shows the frame of the time at which its flip is due,
 counted from the clip's first flip. After a dropped refresh, or where the video has more frames a second than
 the display, frames are left out; the clip is neither longer nor shorter, and the log says what was seen.
-Decision (docs/decisions/headset-frame-times.md): in a headset that time is the predicted display time. A
+Decision (docs/decisions/frame-timing.md): in a headset that time is the predicted display time. A
 scene is drawn for each refresh, and its factor goes evenly from frame to frame of the track. No step is
 faster than the track, dropped refreshes and late frames or not (`TrackPace`).
 """

@@ -1,7 +1,7 @@
 """At what angle a video is seen on a display, and whether that is the angle its track was made for.
 
-Decision (docs/decisions/true-size.md): a video that knows its field of view is shown at its true size, the
-middle that fits; any other pixel for pixel. A pixel of it subtends what it did in the analysis.
+Decision (docs/decisions/viewing-geometry.md): a video that knows its field of view is shown at its true size,
+the middle that fits; any other pixel for pixel. A pixel of it subtends what it did in the analysis.
 """
 
 from __future__ import annotations

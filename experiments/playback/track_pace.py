@@ -1,6 +1,6 @@
 """The factor of each frame in a headset: towards the track's, no faster than the track itself goes there.
 
-Decision (docs/decisions/headset-frame-times.md): a frame that is drawn too late appears later than predicted,
+Decision (docs/decisions/frame-timing.md): a frame that is drawn too late appears later than predicted,
 and the next one perhaps a refresh after it. So a step counts from when the last one really appeared.
 """
 

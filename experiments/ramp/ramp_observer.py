@@ -5,7 +5,7 @@ seen to say "yes". They are independent here. The threshold of two intervals, wh
 alone, scatters by the first; that of yes/no by both. The median person's yes/no threshold is the paper's
 published rate limit. How participants scatter about it was not published; the figures below are choices
 within what brightness-change studies report (docs/decisions/yes-no-task.md,
-docs/decisions/ramp-durations-and-directions.md), and every record made from them says that it is simulated.
+docs/decisions/ramp-conditions.md), and every record made from them says that it is simulated.
 """
 
 from __future__ import annotations

@@ -177,7 +177,7 @@ class RampTask(Task[PlannedRamp]):
 
         They are those at which the intervals begin and end, so that nothing steps; or how far the luminance
         steps where an interval ends, and where one begins, is drawn at random. Neither depends on which
-        interval changed (docs/decisions/interval-gap.md).
+        interval changed (docs/decisions/yes-no-task.md).
         """
         level = planned.level
         if self._steady:

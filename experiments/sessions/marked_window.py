@@ -1,7 +1,7 @@
 """A window that marks what it shows for other recorders: triggers at its flips, a corner for a photodiode.
 
-Decision (docs/decisions/triggers.md): an onset is the flip that first shows a stimulus, an offset the flip
-that first shows something else; the corner is white from onset to offset, and black otherwise.
+Decision (docs/decisions/frame-timing.md): an onset is the flip that first shows a stimulus, an offset the
+flip that first shows something else; the corner is white from onset to offset, and black otherwise.
 """
 
 from __future__ import annotations

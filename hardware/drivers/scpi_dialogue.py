@@ -1,4 +1,4 @@
-"""Questions to a SCPI instrument through PyVISA, paired with their answers (docs/decisions/scpi-in-step.md).
+"""Questions to a SCPI instrument through PyVISA, paired with their answers (docs/decisions/power-meters.md).
 
 A line that nobody asked for would shift all answers by one. So the instrument is asked for its name after
 every answer, and the answer counts once the name has come, and comes next. After an error the line has to be

@@ -37,7 +37,7 @@ def contrast_loss(
 ) -> float:
     """Return the share 𝓛_c of visible contrast that dimming by b loses (Eq. 5), in the form of the model.
 
-    Decision (docs/decisions/no-visible-contrast.md): a frame in which nothing is visible even undimmed has
+    Decision (docs/decisions/visibility.md): a frame in which nothing is visible even undimmed has
     nothing to lose, and its loss is 0.
 
     Parameters

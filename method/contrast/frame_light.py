@@ -3,7 +3,7 @@
 The definition, in double precision and step by step, is `contrast.luminance.emitted_luminance`. Of a file it
 is taken straight from Y, Cb, Cr, without an image of R, G, B between them. The R, G, B whose light is taken
 are those of FFmpeg's exact conversion to 8 bits, to the last bit: chroma is interpolated linearly, in 16ths
-of a code, and the matrix is of whole numbers (docs/decisions/light-of-planes.md). So planes give the same
+of a code, and the matrix is of whole numbers (docs/decisions/one-pass-curves.md). So planes give the same
 luminance as pixels.
 """
 

@@ -4,7 +4,7 @@ Decision (docs/decisions/one-pass-curves.md): each pixel has one critical bright
 (`contrast.critical_factor`), and the share of pixels whose factor is below b is the visible contrast at b,
 for all b. The definition, `contrast.contrast_loss`, dims and compares instead; it is the oracle of this form.
 `analyze_frames` is what a program calls; `make_frame_analysis` chooses between the processor and the graphics
-processor (docs/decisions/gpu.md).
+processor (docs/decisions/one-pass-curves.md).
 """
 
 from __future__ import annotations

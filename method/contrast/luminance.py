@@ -39,8 +39,8 @@ def displayed_luminance(pixel_values: ArrayLike, display: Display) -> NDArray[np
 def dimmed_luminance(emitted: ArrayLike, factor: ArrayLike, display: Display) -> NDArray[np.float64]:
     """Return the luminance D = b · I + L_refl that reaches the eye from a dimmed display.
 
-    Decision (docs/decisions/dimming.md): b scales everything that the backlight makes, the black level
-    included; reflected light comes from elsewhere and is not scaled.
+    Decision (docs/decisions/pixel-to-luminance.md): b scales everything that the backlight makes, the black
+    level included; reflected light comes from elsewhere and is not scaled.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def dimmed_luminance(emitted: ArrayLike, factor: ArrayLike, display: Display) ->
 def drawn_luminance(emitted: ArrayLike, factor: ArrayLike, display: Display) -> NDArray[np.float64]:
     """Return the luminance that reaches the eye where pixels dim: none makes less than L_black.
 
-    Decision (docs/decisions/pixel-floor.md): D = max(b · I, L_black) + L_refl, for each channel as if all
+    Decision (docs/decisions/dimmed-playback.md): D = max(b · I, L_black) + L_refl, for each channel as if all
     three had its level.
 
     Parameters

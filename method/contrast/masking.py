@@ -89,7 +89,7 @@ def neighbourhood_mean(
 ) -> NDArray[np.float64]:
     """Return the mean over the 5 × 5 neighbourhood N(p) of each pixel.
 
-    Decision (docs/decisions/masking-neighbourhood.md): all 25 pixels, the centre included; at the border
+    Decision (docs/decisions/visibility.md): all 25 pixels, the centre included; at the border
     of a frame N counts the pixels that exist.
 
     >>> neighbourhood_mean(np.array([[0.0, 3.0, 6.0]])).tolist()

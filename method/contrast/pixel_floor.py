@@ -1,8 +1,8 @@
 """The contrast that pixels lose beyond what a backlight loses: they show nothing below the display's black.
 
-Decision (docs/decisions/pixel-floor.md): the curves of one pass, which scale all light, stay as they are; to
-those of a frame that has channel values which fall below black, the difference is added that the floor makes.
-It is computed at a few knots, from the picture that is drawn, and interpolated between them.
+Decision (docs/decisions/dimmed-playback.md): the curves of one pass, which scale all light, stay as they are;
+to those of a frame that has channel values which fall below black, the difference is added that the floor
+makes. It is computed at a few knots, from the picture that is drawn, and interpolated between them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Gaussian and Laplacian pyramids (Burt & Adelson 1983), and which of their bands count.
 
-Decision (docs/decisions/pyramid-borders.md): beyond its border an image continues as its mirror, the edge
+Decision (docs/decisions/bands.md): beyond its border an image continues as its mirror, the edge
 pixel not repeated. Each step is written in differences from the centre pixel, so that an area of one
 luminance has bands of exactly 0 in any precision: masking raises contrasts to the power 0.2, which would
 turn rounding noise of 1e-7 into 0.04.
@@ -159,9 +159,9 @@ def band_frequencies(
 ) -> NDArray[np.float64]:
     """Return the spatial frequencies f of the bands that count, finest first.
 
-    Decisions (docs/decisions/bands.md, docs/decisions/band-frequency.md): a band needs a Gaussian level
-    two levels down, which gives its L_a, and a frequency of at least `lowest_frequency`; the finest band
-    always counts. Frequencies are the upper ends of the bands, Nyquist · 2^-level.
+    Decision (docs/decisions/bands.md): a band needs a Gaussian level two levels down, which gives its L_a,
+    and a frequency of at least `lowest_frequency`; the finest band always counts. Frequencies are the upper
+    ends of the bands, Nyquist · 2^-level.
 
     Parameters
     ----------

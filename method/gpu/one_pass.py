@@ -3,7 +3,7 @@
 The steps are those of `contrast.frame_analysis`, the tables those of `contrast.critical_factor`; masking
 (Eq. 3, `contrast.masking`) stands in `shaders/count.glsl` once more. Pixels are counted in whole numbers, so
 that a frame gives the same counts however its groups are scheduled. What is read back is the counts, a few
-hundred numbers. See docs/decisions/gpu.md.
+hundred numbers. See docs/decisions/one-pass-curves.md.
 """
 
 from __future__ import annotations

@@ -5,7 +5,7 @@ level the mean loss besides; `LargestLoss` is about the worst frame alone (docs/
 is the largest Σ w·loss over a set of weights w, which is all that solver and certificate need to know: see
 `Objective`.
 
-Frames may count differently (docs/decisions/frame-weights.md): a pair then counts by the product of its two
+Frames may count differently (docs/decisions/objectives.md): a pair then counts by the product of its two
 frames' weights, as if a frame of weight 2 were there twice.
 """
 

@@ -1,8 +1,8 @@
 """What is asked of the optimizer: budget, rate limit, sections; and whether a video can meet it.
 
 Every budget is linear in the factors, so that all units become one: a weighted mean of the factors. Sections
-give frames their weights (docs/decisions/frame-weights.md) and steps their allowances
-(docs/decisions/rate-allowances.md).
+give frames their weights (docs/decisions/objectives.md) and steps their allowances
+(docs/decisions/rate-constraint.md).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Tracks for other programs: a filter script for FFmpeg, a Lua script for mpv, JSON for all else.
 
-Decision (docs/decisions/exported-tracks.md). FFmpeg: gamma-encoded R'G'B' times one scale is Y' and the
+Decision (docs/decisions/dimming-in-files.md). FFmpeg: gamma-encoded R'G'B' times one scale is Y' and the
 colour differences times that scale, about black and about gray. So each frame is blended with a black one of
 the same Y'CbCr format, in 16 bits. Y' above white is white before; colours above white are not cut off, as
 `apply` does. mpv dims while it plays, on the GPU.

@@ -35,7 +35,7 @@ _LINEAR = Display("linear", peak_luminance=1.0, black_level=0.0, gamma=1.0, pixe
 class PixelReader:
     """Gives the pixels of decoded frames, as planes where that is as good, else as R, G, B.
 
-    Decision (docs/decisions/light-of-planes.md): planes are taken where a picture of noise with the same
+    Decision (docs/decisions/one-pass-curves.md): planes are taken where a picture of noise with the same
     tags gives exactly the same luminance both ways. This also tells where samples of chroma lie, which PyAV
     does not.
 

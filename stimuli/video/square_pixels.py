@@ -1,6 +1,6 @@
 """Pixels that are wider than high, or higher than wide: frames are resampled to square ones, as players do.
 
-The model, the window and all files written know square pixels only (docs/decisions/square-pixels.md).
+The model, the window and all files written know square pixels only (docs/decisions/colour-conversion.md).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Where videos are: files, folders and globs, here or at URLs of fsspec, which are read in parts as needed.
 
-Decision (docs/decisions/videos-at-urls.md). Errors take one line and hold no secrets. `file://` is a local
+Decision (docs/decisions/frame-times.md). Errors take one line and hold no secrets. `file://` is a local
 file, which `local_name` names.
 """
 

@@ -39,6 +39,15 @@ def test_every_link_leads_to_a_file_and_a_heading() -> None:
             assert not anchor or anchor in anchors(there.read_text()), f"{page}: {words!r} points to {target}"
 
 
+def test_every_decision_that_the_code_names_is_a_page() -> None:
+    named: set[str] = set()
+    for pattern in ("[a-z]*/**/*.py", "[a-z]*/**/*.txt", "*.toml", "*.txt", "*.sh"):
+        for path in ROOT.glob(pattern):
+            named |= set(re.findall(r"decisions/([a-z0-9-]+)\.md", path.read_text()))
+    assert len(named) > 20
+    assert named <= {page.stem for page in (DOCS / "decisions").glob("*.md")}
+
+
 def test_every_picture_is_described() -> None:
     for page in PAGES:
         for is_picture, words, target in links(page.read_text()):

@@ -10,7 +10,7 @@ The observer has two detectors, whose evidence is independent.
 - The step at the end of an interval: the ratio of the luminances after and before it, with a noise of 2 % and
   of 10 % of the step.
 
-The figures are assumptions; docs/decisions/interval-gap.md has the table that follows from them, and
+The figures are assumptions; docs/decisions/yes-no-task.md has the table that follows from them, and
 `python tests/recovery/interval_gaps.py` prints it, with other assumptions too. d' is that of two intervals,
 sqrt(2) z(correct).
 """

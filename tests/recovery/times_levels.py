@@ -2,7 +2,7 @@
 
     python tests/recovery/times_levels.py [runs]
 
-prints the table of docs/decisions/censored-search-times.md: a row for each truth, with the share of the 95 %
+prints the table of docs/decisions/cumulative-link-model.md: a row for each truth, with the share of the 95 %
 intervals that miss it (where the effect is 0: the error of the first kind of its test), and what becomes of
 the effect if undetected trials are capped at the limit, or dropped.
 """

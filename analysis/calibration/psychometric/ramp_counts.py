@@ -96,7 +96,7 @@ def joined_levels(levels: Iterable[RampLevelKey]) -> dict[RampLevelKey, RampLeve
 
     Luminances of one screen and factor, in whatever condition, within `SAME_LEVEL` of the lowest are one
     level, at their geometric mean: a display that was measured again in mid-study
-    (docs/decisions/re-measured-display.md).
+    (docs/decisions/a-result-knows-its-display.md).
 
     >>> levels = [RampLevelKey("white", factor, L) for factor, L in ((1, 100.0), (1, 96.04), (0.2, 20.0))]
     >>> joined = joined_levels(levels)
