@@ -64,8 +64,8 @@ TESTS = Path(__file__).parent
 # Files that take half a minute and more, of a processor or of waiting.
 LONG = {
     "test_every_command.py", "test_help_examples.py", "test_runtime_tree.py", "test_headset_sessions.py",
-    "test_viewing_sessions.py", "test_drivers.py", "test_fit_command.py", "test_recovery_joint.py",
-    "test_recovery_placement.py", "test_reproduce_command.py",
+    "test_viewing_sessions.py", "test_drivers.py", "test_fit_command.py", "test_recovery.py",
+    "test_reproduce_command.py",
 }  # fmt: skip
 SLOW_FOLDERS = ("pipeline", "recovery", "benchmarks")  # commands from end to end, simulated studies, timings
 

@@ -5,11 +5,10 @@ A rule changes words of the command line and leaves the rest; what no rule chang
 
 import functools
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import pytest
 import typer
 from typer.main import get_command
 
@@ -166,12 +165,6 @@ def trial_of(words: list[str]) -> Trial:
         if changed != before:
             rules.append(rule.__name__)
     return Trial(tuple(changed), tuple(rules))
-
-
-def in_real_time(name: str, texts: Iterable[str]) -> Any:
-    """Return what a test is about, marked if a command of it tries drivers: replies have to come in time."""
-    tries = any(text.startswith("evenlight measure conform") for text in texts)
-    return pytest.param(name, marks=pytest.mark.real_time) if tries else name
 
 
 @functools.cache

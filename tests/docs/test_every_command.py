@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Callable
 
 import pytest
-from command_variants import PARSED, in_real_time, parse, trial_of, unknown_in
+from command_variants import PARSED, parse, trial_of, unknown_in
 from page_commands import NOT_RUN, Step, first_word, named_in_prose, other_lines, pages, steps
 from reader_files import HAS
 
@@ -15,11 +15,26 @@ WITH_COMMANDS = [page for page in pages() if steps(page)]
 HELP = [Step(f"evenlight {words} --help", 0, text) for words, texts in EXAMPLES.items() for text in texts]
 
 
+READ_FIRST = ("README.md", "docs/first-hour.md")  # the others: `make test-docs`
+
+
 @pytest.mark.parametrize(
-    "page", [in_real_time(page, [step.text for step in steps(page)]) for page in WITH_COMMANDS]
+    "page",
+    [
+        page if page in READ_FIRST else pytest.param(page, marks=pytest.mark.every_page)
+        for page in WITH_COMMANDS
+    ],
 )
 def test_the_commands_of_a_page_run_in_order(page: str, reader: Callable[..., list[str]]) -> None:
     assert "\n".join(reader(page, steps(page), HAS.get(page, ()))) == ""
+
+
+def test_every_command_is_one_that_there_is() -> None:
+    for step in [step for page in WITH_COMMANDS for step in steps(page)] + HELP:
+        if step.text.startswith("evenlight "):
+            assert unknown_in(step.words[1:]) == ""
+            if not {"--help", "--version", "--request"} & {*step.words}:  # acted on as they are parsed
+                parse(step.words[1:])
 
 
 def test_few_commands_are_not_run() -> None:

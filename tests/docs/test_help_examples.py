@@ -3,16 +3,15 @@
 from collections.abc import Callable
 
 import pytest
-from command_variants import in_real_time
 from page_commands import Step
 from reader_files import named
 
 from evenlight.help_pages import EXAMPLES
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.every_page]
 
 
-@pytest.mark.parametrize("words", [in_real_time(words, EXAMPLES[words]) for words in EXAMPLES])
+@pytest.mark.parametrize("words", EXAMPLES)
 def test_the_examples_of_a_command_run(words: str, reader: Callable[..., list[str]]) -> None:
     todo = [Step(f"evenlight {words} --help", 0, text) for text in EXAMPLES[words]]
     for step in todo:

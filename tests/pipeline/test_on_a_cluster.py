@@ -10,7 +10,7 @@ import re
 import shutil
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import nullcontext
+from contextlib import nullcontext, suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -55,14 +55,16 @@ def files_of(folder: Path) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def cluster() -> Iterator[LocalCluster]:
-    with LocalCluster(
+    started = LocalCluster(
         n_workers=1,
         threads_per_worker=1,
         host="127.0.0.1",
         dashboard_address=None,
         silence_logs=logging.CRITICAL,
-    ) as started:
-        yield started
+    )
+    yield started
+    with suppress(TimeoutError):  # on a busy machine a worker takes longer to end than Dask waits for it
+        started.close()
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +99,7 @@ def study(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -
     def told(*words: str) -> str:
         monkeypatch.setattr(sys, "argv", ["found_share_coverage.py", "3", *words])
         capsys.readouterr()
-        studies.run_study("tests/recovery/found_share_coverage.py", sets=2000)
+        studies.run_study("benchmarks/studies/found_share_coverage.py", sets=2000)
         return capsys.readouterr().out
 
     return told

@@ -1,7 +1,7 @@
 """Level of the exact tests and coverage of the intervals for 17 pairs, by enumeration.
 
 Tables of docs/decisions/rating-inference.md.
-Run with `python tests/recovery/rating_coverage.py`; a minute on one core. Nothing is random.
+Run with `python benchmarks/studies/rating_coverage.py`; a minute on one core. Nothing is random.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Levels and coverage of what is tested over all ratings of 17 people: docs/decisions/rating-inference.md.
 
-Run with `python tests/recovery/rating_levels.py [RUNS] [MODELS]`: experiments for the tests without a model,
-and for the model, which takes about half a second each.
+Run with `python benchmarks/studies/rating_levels.py [RUNS] [MODELS]`: experiments for the tests without a
+model, and for the model, which takes about half a second each.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Bias of the joint model's curve and coverage of its bands: the table of docs/decisions/joint-model.md.
 
-Run with `python tests/recovery/joint_coverage.py`; forty data sets take about a minute on one core.
+Run with `python benchmarks/studies/joint_coverage.py`; forty data sets take about a minute on one core.
 """
 
 from __future__ import annotations

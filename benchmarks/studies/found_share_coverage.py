@@ -1,8 +1,8 @@
 """How often the interval of a share found holds the truth, if people differ.
 
 Figures in docs/decisions/search-inference.md. Counts are beta-binomial, so that the intra-class correlation
-is what it says. Run with `python tests/recovery/found_share_coverage.py [SETS]`; 2000 sets of each take some
-minutes.
+is what it says. Run with `python benchmarks/studies/found_share_coverage.py [SETS]`; 2000 sets of each take
+some minutes.
 """
 
 from __future__ import annotations

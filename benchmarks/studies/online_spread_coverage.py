@@ -4,7 +4,7 @@ The loss under constant dimming is the exponential of an Ornstein-Uhlenbeck proc
 time, and a controller of the same kind as the paper's follows it. The truth is the mean logarithm of the
 ratio over walks as long as the one that is judged.
 
-By hand, with many walks: python tests/recovery/online_spread_coverage.py
+By hand, with many walks: python benchmarks/studies/online_spread_coverage.py
 """
 
 from __future__ import annotations

@@ -11,8 +11,8 @@ The observer has two detectors, whose evidence is independent.
   of 10 % of the step.
 
 The figures are assumptions; docs/decisions/yes-no-task.md has the table that follows from them, and
-`python tests/recovery/interval_gaps.py` prints it, with other assumptions too. d' is that of two intervals,
-sqrt(2) z(correct).
+`python benchmarks/studies/interval_gaps.py` prints it, with other assumptions too. d' is that of two
+intervals, sqrt(2) z(correct).
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """How often the search's tests err where nothing is to be found, and its intervals miss what is true.
 
-Run with `python tests/recovery/search_level.py [EXPERIMENTS]`; each experiment is one of 17 people at 21
+Run with `python benchmarks/studies/search_level.py [EXPERIMENTS]`; each experiment is one of 17 people at 21
 locations. 500 take about half an hour of one core. The tables of docs/decisions/search-inference.md.
 """
 

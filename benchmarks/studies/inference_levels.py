@@ -6,8 +6,9 @@ Student-distributed noise; choices are beta-binomial; search times are Weibull, 
 and uniform effects, cut off at a limit. Trials go the way of `evenlight analyze`; the first of each
 population also goes through `task_findings` as a whole, and must print the same numbers.
 
-Run with `python tests/recovery/inference_levels.py [SETS] [TASK …]`; 400 sets take about ten minutes of one
-core, nearly all for the search. Seed 31. No test here permutes at random: all are exact, or by likelihood.
+Run with `python benchmarks/studies/inference_levels.py [SETS] [TASK …]`; 400 sets take about ten minutes of
+one core, nearly all for the search. Seed 31. No test here permutes at random: all are exact, or by
+likelihood.
 """
 
 from __future__ import annotations

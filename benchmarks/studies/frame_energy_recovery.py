@@ -1,6 +1,6 @@
 """How near energies of frames come to a simulated truth: for docs/decisions/power-synchronisation.md.
 
-Run with `python tests/recovery/frame_energy_recovery.py [PLAYINGS]`; 100 take five minutes on one core.
+Run with `python benchmarks/studies/frame_energy_recovery.py [PLAYINGS]`; 100 take five minutes on one core.
 """
 
 from __future__ import annotations

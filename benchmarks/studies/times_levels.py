@@ -1,6 +1,6 @@
 """How often the tests and intervals of the log-normal model of times err, for 17 participants.
 
-    python tests/recovery/times_levels.py [runs]
+    python benchmarks/studies/times_levels.py [runs]
 
 prints the table of docs/decisions/cumulative-link-model.md: a row for each truth, with the share of the 95 %
 intervals that miss it (where the effect is 0: the error of the first kind of its test), and what becomes of

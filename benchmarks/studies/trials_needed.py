@@ -1,6 +1,6 @@
 """How many trials each mode needs for the same precision: the tables of docs/decisions/placement.md.
 
-Run with `python tests/recovery/trials_needed.py [PARTICIPANTS]`; 250 take about twenty minutes on one core.
+Run with `python benchmarks/studies/trials_needed.py [PARTICIPANTS]`; 250 take twenty minutes on one core.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 The power of each device drifts, straight or as it warms up, and wanders (an Ornstein-Uhlenbeck process). Its
 gauge smooths over seconds, is renewed every two, and is read once a second in steps of 10 mW. Before each
 version a person needs some seconds, in which another picture stands.
-`python tests/recovery/saving_coverage.py` prints the table of docs/decisions/saving-on-a-device.md.
+`python benchmarks/studies/saving_coverage.py` prints the table of docs/decisions/saving-on-a-device.md.
 """
 
 from __future__ import annotations

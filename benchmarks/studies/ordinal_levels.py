@@ -1,6 +1,6 @@
 """How often the tests and intervals of the cumulative-link mixed model err, for 17 participants.
 
-    python tests/recovery/ordinal_levels.py [runs]
+    python benchmarks/studies/ordinal_levels.py [runs]
 
 prints the table of docs/decisions/cumulative-link-model.md: a row for each truth, with the error of the first
 kind of the test (no effect) and the coverage of the interval (an effect).

@@ -1,6 +1,6 @@
 """What the presets' own numbers of ramps recover: the second table of docs/decisions/placement.md.
 
-Run with `python tests/recovery/preset_recovery.py [PARTICIPANTS]`; 4000 take fifteen minutes on one core.
+Run with `python benchmarks/studies/preset_recovery.py [PARTICIPANTS]`; 4000 take fifteen minutes on one core.
 """
 
 from __future__ import annotations

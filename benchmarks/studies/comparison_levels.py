@@ -1,7 +1,7 @@
 """How often the tests and intervals of the artifact comparison err: docs/decisions/comparison-inference.md.
 
-Run with `python tests/recovery/comparison_levels.py [EXPERIMENTS]`; 10 000 take about two minutes without the
-mixed model, of which a twentieth as many are fitted (about ten minutes more).
+Run with `python benchmarks/studies/comparison_levels.py [EXPERIMENTS]`; 10 000 take about two minutes without
+the mixed model, of which a twentieth as many are fitted (about ten minutes more).
 """
 
 from __future__ import annotations
