@@ -52,6 +52,7 @@ check: .venv/.dev-ready
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python tests/companions/line_budget.py
 
 format: .venv/.dev-ready
 	$(BIN)/ruff format .

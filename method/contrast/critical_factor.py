@@ -31,7 +31,7 @@ from evenlight.method.contrast.csf import LOWEST_LUMINANCE, contrast_sensitivity
 from evenlight.method.contrast.masking import MASKING_EXPONENT, TRANSDUCER_EXPONENT
 from evenlight.method.contrast.pyramid import counted_frequencies
 
-LARGEST_LOG_RATIO = 8.0  # log2 r is below, for any image: tests/method/test_critical_factor.py
+LARGEST_LOG_RATIO = 8.0  # log2 r is below, for any image: tests/method/test_loss_curves.py
 MASKING_RANGE = (-12.0, 20.0)  # log2 m; below T is 1 to 4e-4, above a pixel is 2^-100 of its neighbours
 FAINTEST_DETECTED = -4.0  # log2 ρ below which p < 5e-5: soft visibility ends there
 TABLE_STEPS = 4096  # of each table but the inverse

@@ -22,7 +22,7 @@ CENTRE_WEIGHT = 0.4  # a of the generating kernel, Burt & Adelson (1983), used b
 INNER_WEIGHT = 0.25  # of each neighbour
 OUTER_WEIGHT = 0.25 - CENTRE_WEIGHT / 2  # of each neighbour but one
 # Energy centroid of each band of the a = 0.4 pyramid, as a share of the Nyquist frequency; further bands
-# halve. Computed from the kernel in tests/method/test_bands.py.
+# halve. Computed from the kernel in tests/method/test_csf.py.
 _CENTROIDS = (0.672, 0.294, 0.138, 0.068)
 
 

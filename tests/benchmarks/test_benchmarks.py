@@ -1,4 +1,4 @@
-"""The frame of the benchmarks: times in turn, memory, growth, claims, the page and its figures."""
+"""The frame of the benchmarks, and what they say of curves and files."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -6,8 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import fit_subject
+from benchmarks import (
+    apply_subject,
+    curves_subject,
+    decoding_points,
+    fit_subject,
+    video_definition,
+    video_points,
+)
 from benchmarks.chart import SCREEN, chart_figure
+from benchmarks.curves_memory import DISPLAY
 from benchmarks.fit_subject import TO_TRUTH, TWO_INTERVAL, YES_NO, simulated
 from benchmarks.measured import (
     Approach,
@@ -27,6 +35,7 @@ from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.analysis.figure_style import look
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.method.contrast.loss_curves import analyze_frames
 
 COMPANIONS = Path(__file__).parents[1] / "companions"
 
@@ -93,12 +102,6 @@ def test_fewer_than_four_sizes_give_an_exponent_without_an_interval(sizes: tuple
     assert fitted.exponent_low is None
 
 
-def test_growth_over_tasks_that_name_their_sizes_has_a_name_without_one() -> None:
-    rows = (a_point("ours", Role.DEFAULT, 1.0, None, 10), a_point("ours", Role.DEFAULT, 8.0, None, 20))
-    assert growth(rows).task == "one frame"
-    assert growth(rows, "frames, by size").task == "frames, by size"
-
-
 def test_a_claim_says_itself_whether_it_is_met_and_cannot_say_otherwise() -> None:
     assert claim("fast", 0.1, 0.1, "s").met is True
     assert claim("fast", 0.1, 0.11, "s").met is False
@@ -133,54 +136,6 @@ def test_a_figure_lists_every_approach_with_time_and_error_and_sets_apart_what_d
     assert any("one pass | all knots: 50 ms, error 2e-05" in w for w in words)
     drawn = [line.get_xydata()[0] for line in figure.axes[0].lines if len(line.get_xydata()) == 1]
     np.testing.assert_allclose(drawn, [(2e-6, 0.9), (2e-5, 0.05), (4e-3, 0.01)])  # none: a tenth of the least
-
-
-def test_all_words_of_a_figure_lie_within_it_however_long_its_heading_is() -> None:
-    meaning = "largest difference of contrast loss from what a very long explanation names at great length"
-    rows = [replace(p, error_of=f"{meaning}, {k}") for k, p in enumerate(POINTS)]
-    with look(SCREEN):
-        figure = chart_figure(Chart("x", "A frame of a rendered sequence " * 4, ("one frame",)), rows)
-        figure.canvas.draw()
-        lowest = min(text.get_window_extent().y0 for text in figure.texts)
-    assert lowest > 0
-
-
-def test_a_figure_says_what_each_kind_of_error_is_and_calls_a_reference_no_definition() -> None:
-    rows = [*POINTS[1:], replace(POINTS[0], error_of="distance from the finest grid")]
-    with look(SCREEN):
-        figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
-        marks = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    words = " ".join(text.get_text() for text in figure.texts).replace("\n", " ")
-    assert "error: difference of loss; distance from the finest grid" in words
-    assert "reference" in marks
-    assert not any("definition" in mark for mark in marks)
-
-
-def test_points_on_one_another_share_a_label_and_the_others_have_their_own() -> None:
-    rows = [
-        a_point("one", Role.DEFAULT, 0.1, 1e-3),
-        a_point("two", Role.VARIANT, 0.1001, 1.001e-3),
-        a_point("far", Role.VARIANT, 5.0, 1e-1),
-    ]
-    with look(SCREEN):
-        figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
-    assert [text.get_text() for text in figure.axes[0].texts] == ["1, 2", "3"]
-
-
-@pytest.mark.parametrize("spread", [1.2, 3.0, 20.0, 400.0, 1e6])
-def test_an_axis_of_time_has_two_labels_at_least_however_near_the_times_lie(spread: float) -> None:
-    rows = [a_point("fast", Role.DEFAULT, 0.033, 1e-3), a_point("slow", Role.VARIANT, 0.033 * spread, 2e-3)]
-    with look(SCREEN):
-        figure = chart_figure(Chart("x", "A frame", ("one frame",)), rows)
-        figure.canvas.draw()
-    axes = figure.axes[0]
-    low, high = axes.get_ylim()
-    labels = {
-        tick.label1.get_text()
-        for tick in axes.yaxis.get_major_ticks()
-        if low <= tick.get_loc() <= high and tick.label1.get_text()
-    }
-    assert len(labels) >= 2
 
 
 def test_a_figure_over_size_has_a_line_for_each_approach() -> None:
@@ -243,3 +198,90 @@ def test_more_nodes_are_slower_and_nearer_fewer_are_faster_and_further(fit_folde
     assert double.error is not None
     assert half.error > ours.error > double.error
     assert half.time < double.time
+
+
+# --- curves benchmark
+
+
+def a_point_of_curves_benchmark(
+    task: str, name: str, role: Role, time: float, error: float
+) -> BenchmarkPoint:
+    times = Times(np.array([time]), np.array([time]), np.array([time]))  # ratios to one second
+    return point(Approach(task, name, role, 100, "pixels"), times, error, "of loss")
+
+
+def test_the_film_has_a_still_shot_with_grain_a_pan_a_fade_and_a_flash() -> None:
+    frames = [frame.pixel_values.astype(float) for frame in video_points.film(64, 36, 40, 1)]
+    assert len(frames) == 40
+    assert 0 < np.abs(frames[1] - frames[0]).mean() < 10  # grain alone
+    np.testing.assert_array_equal(np.roll(frames[12], 2, axis=1), frames[13])  # the pan
+    assert frames[28].mean() < 0.3 * frames[20].mean()  # the fade
+    assert frames[35].mean() > frames[34].mean() + 30  # the flash
+
+
+def test_one_frame_in_ten_is_right_where_it_is_sampled_and_linear_in_between() -> None:
+    frames = list(video_points.film(64, 36, 24, 1))
+    whole = analyze_frames(frames, "film", DISPLAY).loss
+    found = video_points._one_in_ten(frames, DISPLAY, np.interp)
+    for k in (0, 10, 20, 23):
+        np.testing.assert_array_equal(found[k], whole[k])
+    np.testing.assert_allclose(found[5], (whole[0] + whole[10]) / 2, atol=1e-12)
+
+
+@pytest.mark.parametrize(("at", "apart", "met"), [(2e-4, 9e-4, (True, True)), (2e-3, 3e-3, (False, False))])
+def test_what_a_user_gets_is_held_to_the_worst_of_all_videos(
+    at: float, apart: float, met: tuple[bool, bool]
+) -> None:
+    good = video_definition.DefaultErrors("a", np.full((2, 3), 1e-5), np.full((2, 4), 1e-5))
+    between = np.array([[apart, 0.0, 0.0, 0.0]])
+    bad = video_definition.DefaultErrors("b", np.array([[0.0, at]]), between)
+    verdicts = video_definition.default_claims([good, bad])
+    assert tuple(verdict.met for verdict in verdicts) == met
+    assert tuple(verdict.measured for verdict in verdicts) == (at, apart)
+    assert "2 of a, 1 of b" in verdicts[0].note
+    share = "0.0%" if apart < 1e-3 else "8.3%"  # one of twelve
+    assert f"median 1e-05, {share} above 0.001: single pixels" in verdicts[1].note
+    assert [verdict.met for verdict in video_definition.default_claims([])] == [None, None]
+
+
+FRAMES = [
+    a_point_of_curves_benchmark("one frame of 640 x 360", "one pass", Role.DEFAULT, 0.02, 2e-5),
+    a_point_of_curves_benchmark(curves_subject.LARGE, "one pass", Role.DEFAULT, 0.05, 3e-5),
+    a_point_of_curves_benchmark(curves_subject.LARGE, "the definition, 9 factors", Role.REFERENCE, 5.0, 0.0),
+]
+
+
+@pytest.mark.parametrize(("time", "met"), [(0.05, True), (0.11, False)])
+def test_a_frame_is_held_to_its_processor_time(time: float, met: bool) -> None:
+    # The wall time may be long: another program may have had the core.
+    large = replace(FRAMES[1], processor_time=time, time=1.0, time_high=1.0)
+    of_time, of_error = curves_subject._frame_claims([FRAMES[0], large, FRAMES[2]])
+    assert (of_time.measured, of_time.met) == (time, met)
+    assert (of_error.measured, of_error.met) == (3e-5, True)
+
+
+def test_a_file_is_timed_step_by_step_and_its_planes_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(decoding_points, "QUICK_SIZES", ((64, 36),))
+    points = decoding_points.decoding_points(RunSettings(quick=True), DISPLAY)
+    by_name = {p.approach: p for p in points}
+    assert all(p.size == 64 * 36 and p.time > 0 for p in points)
+    assert by_name[decoding_points.OF_PLANES].error == 0
+    slow = replace(by_name[decoding_points.TWO_JOBS], ratio=0.6)
+    equal, jobs = decoding_points.decoding_claims([slow, by_name[decoding_points.OF_PLANES]])
+    assert equal.met
+    assert not jobs.met  # 1 / 0.6 is below 1.7
+
+
+# --- apply benchmark
+
+
+def test_every_codec_has_its_error_and_the_lossless_one_the_smallest(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(apply_subject, "QUICK_SIZE", (64, 48))
+    monkeypatch.setattr(apply_subject, "QUICK_FRAMES", 4)
+    measured = apply_subject.measure(RunSettings(quick=True))
+    errors = {p.approach: p.error for p in measured.points}
+    assert errors.pop(apply_subject.DEFINITION) is None
+    assert set(errors) == set(apply_subject.NAMES.values())
+    assert min(errors, key=lambda name: errors[name] or 0) == "FFV1, 10 bits, without loss"
+    assert [p.role for p in measured.points].count(Role.DEFAULT) == 1
+    assert measured.claims[0].measured == errors["FFV1, 10 bits, without loss"]

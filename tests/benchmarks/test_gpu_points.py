@@ -7,7 +7,6 @@ import pytest
 from compute_shaders import own_context
 
 from benchmarks import gpu_clock, gpu_points
-from benchmarks.gpu_clock import copy_bandwidth, gpu_seconds
 from benchmarks.gpu_points import TARGETS, curve_points, online_points
 from benchmarks.measured import RunSettings
 
@@ -79,19 +78,3 @@ def test_without_graphics_there_are_no_points_and_claims_say_why(monkeypatch):
     points, claims = online_points(QUICK)
     assert points == []
     assert all("no driver" in claim.note for claim in claims)
-
-
-def test_what_is_fetched_is_not_timed_and_the_first_time_does_not_count():
-    own, done = own_context(), []
-    seconds = own.run(
-        gpu_seconds, own.context, lambda: done.append("start"), lambda: done.append("result"), 3
-    )
-    assert seconds.shape == (3,)
-    assert done == ["start", "result"] * 4
-
-
-def test_a_copy_moves_its_bytes_twice(monkeypatch):
-    """Of 1000 bytes, at 1 second a copy, whatever it takes."""
-    own = own_context()
-    monkeypatch.setattr(gpu_clock, "gpu_seconds", lambda *_: [1.0])
-    assert own.run(copy_bandwidth, own.context) == 2000

@@ -1,4 +1,4 @@
-"""One import package: what a wheel holds, and that nobody else's folders or packages stand in its way."""
+"""One import package, and the rules that the house keeps."""
 
 import importlib
 import os
@@ -8,17 +8,24 @@ import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Callable
 from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import line_budget
 import pytest
+import typer
 from packaging.requirements import Requirement
 from packaging.specifiers import SpecifierSet
 
 import evenlight
+from evenlight import command as command_line
+from evenlight.data_schema.rate_limit import RateLimitForm
+from evenlight.method.choices import LimitCurve
 
 ROOT = Path(evenlight.__file__).parents[1]
+
 FOLDERS = ("data_schema", "method", "hardware", "stimuli", "experiments", "analysis")
 
 
@@ -85,13 +92,22 @@ def test_a_folder_with_packages_of_our_folders_names_is_not_in_the_way(
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("folder", FOLDERS)
-def test_no_module_is_importable_under_a_second_name(folder: str) -> None:
+def test_no_module_is_importable_under_a_second_name() -> None:
     """In the checkout itself, where the folders lie side by side."""
-    done = subprocess.run(
-        [sys.executable, "-c", f"import {folder}"], cwd=ROOT, capture_output=True, text=True, check=False
-    )
-    assert f"ImportError: import it as evenlight.{folder}" in done.stderr
+    program = """
+import importlib, sys
+for name in sys.argv[1:]:
+    try:
+        importlib.import_module(name)
+    except ImportError as error:
+        print(error)
+"""
+    words = [sys.executable, "-c", program, *FOLDERS]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=True)
+    told = done.stdout.splitlines()
+    assert len(told) == len(FOLDERS)
+    for line, folder in zip(told, FOLDERS, strict=True):
+        assert f"import it as evenlight.{folder}" in line
 
 
 def test_every_folder_with_modules_is_a_package_that_is_installed() -> None:
@@ -101,13 +117,6 @@ def test_every_folder_with_modules_is_a_package_that_is_installed() -> None:
     configured = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["packages"]
     found = {p.parent.relative_to(ROOT) for folder in FOLDERS for p in (ROOT / folder).rglob("*.py")}
     assert set(configured) == {"evenlight", *(".".join(("evenlight", *p.parts)) for p in found)}
-
-
-def test_importing_the_package_loads_nothing_slow() -> None:
-    program = "import sys, evenlight; print(*sorted(m for m in sys.modules))"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
-    slow = {"numpy", "numba", "matplotlib", "pandas", "psychopy", "scipy", "typer"}
-    assert slow.isdisjoint(name.partition(".")[0] for name in done.stdout.split())
 
 
 def test_every_public_name_is_there_and_listed() -> None:
@@ -185,3 +194,143 @@ def test_pythons_that_psychopy_has_no_packages_for_are_only_without_it() -> None
         for version in ("3.11", "3.12", "3.13", "3.14")
     }
     assert wanted == {"3.11": True, "3.12": True, "3.13": False, "3.14": False}
+
+
+# --- house
+
+
+def command_names() -> set[str]:
+    group = typer.main.get_command(command_line.app)
+    return set(group.commands)
+
+
+def test_the_documents_list_exactly_the_commands_there_are() -> None:
+    table = (ROOT / "docs" / "commands.md").read_text()
+    listed = set(re.findall(r"^\| `evenlight ([a-z-]+)", table, flags=re.MULTILINE))
+    assert listed == command_names()
+
+
+@pytest.mark.slow
+def test_every_command_helps_within_its_own_words(command) -> None:
+    for name in sorted(command_names()):
+        result = command(name, "--help")
+        assert result.code == 0
+        assert "--quiet" in result.out or name in ("validate", "watch", "new")
+
+
+@pytest.mark.parametrize(
+    "pattern", ["*.md", "docs/**/*.md", "*.toml", "[a-z]*/*.py", "[a-z]*/schemas/*.json"]
+)
+def test_nothing_promises_that_a_change_cannot_be_noticed(pattern: str) -> None:
+    """The rate limit is what the median participant, watching for it, notices in 75 % of the trials."""
+    promise = re.compile(
+        r"undetectabl|imperceptibl|unnotic|nobody sees the brightness|goes unseen|change unseen"
+    )
+    files = [path for path in ROOT.glob(pattern) if path.name != Path(__file__).name]
+    assert files
+    for path in files:
+        assert not promise.search(path.read_text()), path
+
+
+def test_the_folders_of_the_house_plan_are_the_packages() -> None:
+    configured = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]["package-dir"]
+    assert set(configured.values()) == set(FOLDERS)
+    house = (ROOT / "docs" / "house.md").read_text()
+    for package in FOLDERS:
+        assert f"`{package}/`" in house
+        assert (ROOT / package / "__init__.py").exists()
+
+
+def test_no_module_has_a_name_that_says_nothing() -> None:
+    empty = {"utils", "util", "helpers", "helper", "common", "core", "base", "misc"}
+    names = [path.stem for folder in FOLDERS for path in (ROOT / folder).rglob("*.py")]
+    assert len(names) > 50
+    assert not empty & set(names)
+    assert not {name for name in names if name in sys.stdlib_module_names}
+
+
+@pytest.mark.parametrize(
+    "page", sorted((ROOT / "docs" / "decisions").glob("*.md")), ids=lambda page: page.stem
+)
+def test_a_decision_fits_on_a_screen(page: Path) -> None:
+    assert len(page.read_text().split()) <= 500
+
+
+def test_the_end_of_a_run_says_what_failed_and_why_something_was_skipped(pytestconfig: pytest.Config) -> None:
+    """Of pytest's -r: f failed, E ended in an error, s skipped."""
+    assert set("fEs") <= set(pytestconfig.option.reportchars)
+
+
+def test_lines_of_product_content_and_tests_are_counted_and_kept_within_limits(tmp_path: Path) -> None:
+    files = {
+        "method/a.py": 3, "stimuli/scenes/content/b.py": 4, "stimuli/scenes/c.py": 5, "tests/x/test_d.py": 6,
+        "docs/e.py": 7, "method/shader.glsl": 8,
+    }  # fmt: skip
+    for name, lines in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("\n" * lines)
+    found = line_budget.lines_of(tmp_path, [*files, "method/gone.py"])
+    assert found == {"product": 8, "content": 4, "tests": 6}
+    assert line_budget.report(found, {"product": 8, "content": 4, "tests": 6})[1]
+    text, kept = line_budget.report(found, {"product": 8, "content": 3, "tests": 6})
+    assert not kept
+    assert "content: 4 lines of 3" in text
+    assert "Too many lines: content." in text
+    limits = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["evenlight"]["lines"]
+    assert set(limits) == {"product", "content", "tests"}
+    assert "line_budget.py" in (ROOT / "Makefile").read_text().split("\ncheck:")[1].split("\n\n")[0]
+
+
+# --- sessions guide
+
+GUIDE = " ".join((Path(evenlight.__file__).parents[1] / "docs/sessions.md").read_text().split())
+
+LONGEST = 220  # lines
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        "Sessions are shown on a monitor",
+        'or [in a headset](headset.md) (`screen = "openxr"`)',
+        "Every luminance of a session comes from this file",
+        f"`--form {RateLimitForm.LOG_LOG.value} --degree 1`",
+        f"`--limit-curve {LimitCurve.SAFE.value}`",
+        "The joint model's band is simultaneous",
+        "With `--model individual` or `pooled` it is pointwise",
+        "A rig names keys by what is printed on them",
+        "--font NotoSansJP-Regular.ttf",
+    ],
+)
+def test_the_guide_says(said: str) -> None:
+    assert said in GUIDE
+
+
+def test_the_guide_is_no_book() -> None:
+    text = (Path(evenlight.__file__).parents[1] / "docs/sessions.md").read_text()
+    assert text.count("\n") <= LONGEST
+
+
+# --- tried again
+
+
+@pytest.fixture
+def is_worth_another_try(request: pytest.FixtureRequest) -> Callable[[pytest.TestReport], bool]:
+    plugins = request.config.pluginmanager.get_plugins()
+    return next(one.is_worth_another_try for one in plugins if hasattr(one, "is_worth_another_try"))
+
+
+@pytest.mark.parametrize(
+    ("when", "why", "again"),
+    [
+        ("call", "E  assert 0.31 < 0.25", True),
+        ("setup", "E  assert -11 == 0", False),
+        ("teardown", "E  a thread is left", False),
+        ("call", "E  Failed: Timeout (>300.0s) from pytest-timeout.", False),
+    ],
+)
+def test_what_could_not_be_set_up_or_hung_is_not_tried_again(
+    is_worth_another_try: Callable[[pytest.TestReport], bool], when, why: str, again: bool
+) -> None:
+    report = pytest.TestReport("test", ("test.py", 1, "test"), {}, "failed", why, when)
+    assert is_worth_another_try(report) is again

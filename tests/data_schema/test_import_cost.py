@@ -26,22 +26,16 @@ def test_the_command_imports_nothing_slow_before_it_knows_what_to_do() -> None:
     assert imported_by("import evenlight.command").isdisjoint(SLOW)
 
 
-@pytest.mark.parametrize(
-    "module",
-    [
-        "tracks.brightness_track",
-        "tracks.loss_curves",
-        "record_kinds",
-        "storage.text_files",
-        "recordings.session",
-        "storage.whole_files",
-        "checking.validation",
-    ],
-)
-def test_records_are_light_to_import(module: str) -> None:
-    assert imported_by(f"import evenlight.data_schema.{module}").isdisjoint(SLOW)
+def test_records_are_light_to_import() -> None:
+    modules = (
+        "tracks.brightness_track", "tracks.loss_curves", "record_kinds", "storage.text_files",
+        "recordings.session", "storage.whole_files", "checking.validation",
+    )  # fmt: skip
+    together = ", ".join(f"evenlight.data_schema.{module}" for module in modules)
+    assert imported_by(f"import {together}").isdisjoint(SLOW)
 
 
+@pytest.mark.real_time
 @pytest.mark.slow
 def test_help_is_there_within_half_a_second() -> None:
     """The target is 0.5 s of one core, as fast as now; the fastest of three: there is other work."""

@@ -101,7 +101,7 @@ JUNK = st.one_of(
 # To draw a record takes ten times as long as to change it: each is changed in four ways.
 @pytest.mark.slow
 @kinds
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(data=st.data())
 def test_a_schema_accepts_what_a_record_writes_and_what_it_refuses_cannot_be_made_into_a_record(
     kind: RecordKind, records_of: Strategies, data: st.DataObject

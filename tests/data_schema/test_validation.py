@@ -1,4 +1,4 @@
-"""`evenlight validate`: every problem is found, told with its place, and nothing else is."""
+"""`evenlight validate`: every problem is found, told with its place and line, and nothing else is."""
 
 import json
 import shutil
@@ -6,24 +6,52 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from checked_files import problems_of, results
+from hypothesis import given
+from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 import evenlight
 from evenlight import command as command_line
-from evenlight.data_schema.checking.validation import validate
+from evenlight.data_schema.checking.validation import mean_absolute_difference, validate
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record
-from evenlight.data_schema.provenance import SCHEMA_VERSION
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
+from evenlight.data_schema.provenance import SCHEMA_VERSION, Provenance
 from evenlight.data_schema.recordings.dataset_layout import behaviour_file, session_folder
+from evenlight.data_schema.recordings.dataset_writing import (
+    write_description,
+    write_participants,
+    write_session,
+)
 from evenlight.data_schema.recordings.ramp import RampTrial, Response
-from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.session import (
+    ComparisonDesign,
+    Design,
+    RatingDesign,
+    SearchDesign,
+    SessionManifest,
+    SessionStatus,
+)
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 from evenlight.data_schema.storage.tables import columns_of
-from evenlight.data_schema.storage.text_files import write_json, write_json_record, write_toml_record
+from evenlight.data_schema.storage.text_files import (
+    Place,
+    json_line_numbers,
+    line_of,
+    read_json_record,
+    toml_line_numbers,
+    write_json,
+    write_json_record,
+    write_toml_record,
+)
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 
 VERSION = f'"schema_version": {SCHEMA_VERSION}'
+
 CELLS = len(columns_of(RampTrial))
 
 
@@ -63,7 +91,9 @@ def dataset(tmp_path: Path, manifest_of: Callable[..., SessionManifest]) -> Path
 
 
 TRIALS = "sub-01/ses-01/trials.jsonl"
+
 MANIFEST = "sub-01/ses-01/manifest.json"
+
 TABLE = "sub-01/ses-01/beh/sub-01_ses-01_task-ramp_beh.tsv"
 
 
@@ -251,25 +281,6 @@ def test_a_file_is_known_by_its_keys_where_its_name_says_nothing(display: Displa
     ]
 
 
-def test_what_is_no_kind_of_file_any_more_is_not_taken_for_another(tmp_path: Path) -> None:
-    """By their keys, each of these would be a wrong file of another kind."""
-    (tmp_path / "films.catalogue.csv").write_text("path,name,budget\na.mkv,a,0.5\n")
-    (tmp_path / "errors.csv").write_text("name,video,why\na,a.mkv,gone\n")
-    gains = ("proportional", "integral", "derivative", "gain_rate_hz")
-    shared = ("target_loss", *gains, "mean_loss", "mean_factor", "provenance", "budget", "budget_unit")
-    write_json(tmp_path / "control.json", dict.fromkeys((*shared, "horizon_s", "mean_power_w"), 0.1))
-    shutil.copy(tmp_path / "control.json", tmp_path / "others.json")
-    shutil.copy(tmp_path / "errors.csv", tmp_path / "others.csv")
-    told = {checked.path.name: checked.words for checked in validate(tmp_path)}
-    assert told == {
-        "control.json": "",
-        "errors.csv": "",
-        "films.catalogue.csv": "",
-        "others.csv": "catalogue row",
-        "others.json": "live control",
-    }
-
-
 def test_the_presets_are_right() -> None:
     presets = Path(evenlight.__file__).parents[1] / "method" / "presets"
     checked = list(validate(presets))
@@ -342,3 +353,224 @@ def test_a_manifest_whose_task_is_no_text_is_a_problem_and_no_crash(
     assert command("validate", dataset).code == 1
     refused = command("analyze", dataset, "--out", tmp_path / "out", "--quiet")
     assert (refused.code, refused.err.count("\n")) == (2, 1)
+
+
+# --- validating results
+
+
+def test_results_that_agree_have_no_problem(tmp_path: Path) -> None:
+    (results(tmp_path) / "track.png").write_bytes(b"\x89PNG")
+    assert problems_of(tmp_path) == []
+    assert {c.path.name: c.words for c in validate(tmp_path)} == {
+        "loss_curves.npz": "loss curves",
+        "summary.json": "optimization summary",
+        "track.csv": "brightness track",
+        "track.json": "track header",
+        "track.png": "",
+    }
+
+
+def test_a_summary_prints_in_one_line(tmp_path: Path) -> None:
+    summary = read_json_record(OptimizationSummary, results(tmp_path) / "summary.json")
+    assert repr(summary) == (
+        "<OptimizationSummary 'v': 4 frames, budget 0.6 (factor), objective 0.217, baseline 0.5>"
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "problem"),
+    [
+        ({"frames": 5}, "summary.json: frames: expected 4, the rows of track.csv, got 5"),
+        ({"video": "w"}, "summary.json: video: expected 'v', as in track.json, got 'w'"),
+        ({"display": "w"}, "summary.json: display: expected 'bench', as in track.json, got 'w'"),
+        ({"budget": 0.5, "achieved": 0.5}, "summary.json: budget: expected 0.6, as in track.json, got 0.5"),
+        ({"budget_unit": BudgetUnit.WATT}, "summary.json: budget_unit: expected 'factor', as in"),
+        ({"solver": "t"}, "summary.json: solver: expected 's', as in track.json, got 't'"),
+        ({"mean_factor": 0.7}, "summary.json: mean_factor: expected 0.6 to 0.6, as the track's column"),
+        ({"mean_contrast_loss": 0.5}, "summary.json: mean_contrast_loss: expected 0 to 0.4"),
+        ({"achieved": 0.5}, "summary.json: achieved: expected the budget 0.6, got 0.5"),
+        (
+            {"objective_baseline": 0.21},
+            "summary.json: objective: expected at most 0.21, that of constant dimming",
+        ),
+        ({"max_rate_ratio": 7.0}, "summary.json: max_rate_ratio: expected 0, as in the track, got 7"),
+        ({"mean_power": 0.6}, "summary.json: mean_power_w: expected 0.5 to 0.5"),
+        ({"objective": 0.2}, "summary.json: objective: expected 0.216667, the mean absolute difference"),
+    ],
+)
+def test_results_that_contradict_each_other_are_told(
+    changes: dict[str, Any], problem: str, tmp_path: Path
+) -> None:
+    found = problems_of(results(tmp_path, **changes))
+    assert len(found) == 1
+    assert found[0].startswith(problem)
+
+
+def test_a_row_missing_from_a_track_is_told(tmp_path: Path) -> None:
+    track = results(tmp_path) / "track.csv"
+    track.write_text("".join(track.read_text().splitlines(keepends=True)[:-1]))
+    assert "summary.json: frames: expected 3, the rows of track.csv, got 4" in problems_of(tmp_path)
+
+
+def test_loss_curves_of_another_display_are_told(tmp_path: Path) -> None:
+    text = (results(tmp_path) / "track.json").read_text()
+    fingerprint = json.loads(text)["display_fingerprint"]
+    (tmp_path / "track.json").write_text(text.replace(fingerprint, "0" * 16))
+    assert problems_of(tmp_path) == [
+        f"loss_curves.npz: display fingerprint: expected '{'0' * 16}', as in the track's header, "
+        f"got {fingerprint!r}"
+    ]
+
+
+def test_every_wrong_cell_of_a_track_is_told(tmp_path: Path) -> None:
+    track = results(tmp_path) / "track.csv"
+    text = track.read_text().replace("\n1,0.04,0.6,", "\n1,0.04,1.6,").replace("\n2,0.08,", "\n2,now,")
+    track.write_text(text.replace("\n3,0.12,0.6,0.4,", "\n3,0.12,0.6,-0.4,"))
+    assert [told for told in problems_of(tmp_path) if told.startswith("track.csv")] == [
+        "track.csv, line 3: factor: expected at most 1, got 1.6",
+        "track.csv, line 4: time_s: expected a number, got 'now'",
+        "track.csv, line 5: contrast_loss: expected at least 0, got -0.4",
+    ]
+
+
+def test_a_track_without_its_header_is_told(tmp_path: Path) -> None:
+    (results(tmp_path) / "track.json").unlink()
+    assert problems_of(tmp_path) == ["track.json: no such file; there is no brightness track without it"]
+
+
+@pytest.mark.parametrize("values", [[], [0.3], [0.0, 1.0], [0.2, 0.2, 0.9, 0.1, 0.4]])
+def test_the_mean_absolute_difference_is_the_double_sum(values: list[float]) -> None:
+    pairs = [abs(x - y) for i, x in enumerate(values) for y in values[i + 1 :]]
+    expected = sum(pairs) / len(pairs) if pairs else 0.0
+    assert mean_absolute_difference(np.array(values)) == pytest.approx(expected, abs=1e-15)
+
+
+# --- designs of tasks
+
+LAB = Display("lab", peak_luminance=100.0, black_level=0.1, gamma=2.2, pixels_per_degree=60.0)
+
+
+def manifest(design: Design | None = None, task: str = "rating") -> SessionManifest:
+    return SessionManifest(
+        "01",
+        "01",
+        task,
+        False,
+        SessionStatus.COMPLETE,
+        1,
+        display=LAB,
+        design=design,
+        provenance=Provenance(),
+    )
+
+
+@pytest.mark.parametrize(
+    ("task", "design"),
+    [("rating", RatingDesign), ("comparison", ComparisonDesign), ("search", SearchDesign)],
+)
+def test_a_design_of_its_sequences_alone_is_of_the_manifests_task(task, design) -> None:
+    content = mapping_from_record(manifest(task=task)) | {"design": {"sequences": ["gym"]}}
+    assert record_from_mapping(SessionManifest, content, "m.json").design == design(sequences=("gym",))
+
+
+def test_a_key_that_only_another_tasks_design_has_is_refused() -> None:
+    content = mapping_from_record(manifest()) | {"design": {"sequences": ["gym"], "ring_gap_arcmin": 5.0}}
+    with pytest.raises(InputError, match=r"design: unknown key 'ring_gap_arcmin'"):
+        record_from_mapping(SessionManifest, content, "m.json")
+
+
+def written(tmp_path: Path, design: RatingDesign | None) -> Path:
+    trial = RatingTrial("01", "01", 0, "gym", Version.OURS, 1, 1, 0.5, 4, None, False)
+    write_description(tmp_path / "lab", "ratings", False, Provenance())
+    write_participants(tmp_path / "lab", ["01"], simulated=False)
+    write_session(tmp_path / "lab", manifest(design), [trial])
+    return tmp_path / "lab"
+
+
+@pytest.mark.parametrize("design", [None, RatingDesign(sequences=("gym",))])
+def test_trials_of_a_manifest_without_stimuli_are_valid(tmp_path, command, design) -> None:
+    checked = command("validate", written(tmp_path, design))
+    assert checked.out.splitlines()[-1].startswith("no problem")
+
+
+def test_they_are_compared_with_the_sequences_of_the_design(tmp_path, command) -> None:
+    checked = command("validate", written(tmp_path, RatingDesign(sequences=("library", "house"))), "--quiet")
+    assert "sequence: expected one of library, house, as in manifest.json, got 'gym'" in checked.out
+
+
+def test_an_exported_table_that_is_no_text_is_a_problem_and_no_end(tmp_path, command) -> None:
+    lab = written(tmp_path, None)
+    next(lab.glob("sub-01/ses-01/beh/*_beh.tsv")).write_bytes(b"\xff\xfe\x00")
+    checked = command("validate", lab, "--quiet")
+    assert checked.code == 1
+    assert "is not text" in checked.out
+
+
+def test_exported_tables_of_before_a_column_was_there_stay_valid(tmp_path, command) -> None:
+    """Practice, block and all after them have defaults: a table of an older version may lack them."""
+    lab = written(tmp_path, None)
+    table = next(lab.glob("sub-01/ses-01/beh/*_beh.tsv"))
+    header, row = (line.split("\t") for line in table.read_text().splitlines())
+    last = header.index("flag")
+    table.write_text("\t".join(header[:last]) + "\n" + "\t".join(row[:last]) + "\n")
+    sidecar = json.loads(table.with_suffix(".json").read_text())
+    del sidecar["flag"]
+    table.with_suffix(".json").write_text(json.dumps(sidecar))
+    assert command("validate", lab, "--quiet").out == ""
+
+
+# --- line numbers
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers() | st.text(max_size=5),
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=4), inner, max_size=3),
+    max_leaves=12,
+)
+
+
+def places(content: Any, around: Place = ()) -> set[Place]:
+    """Every key and list item in a content, by a plain walk."""
+    items: Any = ()
+    if isinstance(content, dict):
+        items = content.items()
+    elif isinstance(content, list):
+        items = enumerate(content)
+    found = set()
+    for key, value in items:
+        found |= {(*around, key)} | places(value, (*around, key))
+    return found
+
+
+@given(JSON)
+def test_every_key_and_item_of_a_json_text_is_found(content: Any) -> None:
+    for indent in (None, 1):
+        assert set(json_line_numbers(json.dumps(content, indent=indent))) == places(content)
+
+
+@given(st.lists(st.text(max_size=4), unique=True, max_size=6))
+def test_with_one_key_in_each_line_the_lines_count_up(keys: list[str]) -> None:
+    """json.dumps with an indent: `{` in line 1, the k-th key in line k + 1."""
+    text = json.dumps(dict.fromkeys(keys, 0), indent=1)
+    assert json_line_numbers(text) == {(key,): n for n, key in enumerate(keys, start=2)}
+
+
+def test_brackets_and_colons_in_texts_are_texts() -> None:
+    text = '{"a{[:,": "}],\\"",\n "b": ["x, y", {"c":\n 1}]}'
+    assert json_line_numbers(text) == {("a{[:,",): 1, ("b",): 2, ("b", 0): 2, ("b", 1): 2, ("b", 1, "c"): 2}
+
+
+def test_keys_of_toml_are_found_in_their_tables() -> None:
+    text = '# a = 1\nb = 2\n"c d" = 3\n\n[t]\nb = 4\n[t.u]\nb=5\n'
+    assert toml_line_numbers(text) == {
+        ("b",): 2,
+        ("c d",): 3,
+        ("t",): 5,
+        ("t", "b"): 6,
+        ("t", "u"): 7,
+        ("t", "u", "b"): 8,
+    }
+
+
+def test_a_missing_key_is_in_the_line_of_what_it_is_missing_in() -> None:
+    assert line_of(("display", "gamma"), {("display",): 7}) == 7
+    assert line_of(("gamma",), {("display",): 7}) is None

@@ -1,7 +1,4 @@
-"""Hard cases of loss curves, budgets and limits: flat, jumping, rising curves, ends of the range, no light.
-
-Each test runs the naive form first and shows what goes wrong with it.
-"""
+"""Hard cases of loss curves, budgets and limits: flat, jumping, rising curves, ends of the range."""
 
 from dataclasses import replace
 
@@ -56,10 +53,6 @@ def posed(curves: LossCurves, budget: float = 0.5, rate: float = 5.0) -> Problem
 def test_flat_curves_leave_nothing_to_gain(make_curves) -> None:
     levels = np.array([0.1, 0.4, 0.4, 0.0, 0.9, 1.0])
     curves = with_losses(make_curves, np.repeat(levels[:, None], KNOTS, axis=1))
-    slope = loss_and_slope(curves, np.full(6, 0.5))[1]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        newton = (levels - 0.3) / slope  # the step to a loss of 0.3, by the slope
-    assert not np.isfinite(newton).any()
     problem = posed(curves)
     assert problem.objective(solved(problem)) == pytest.approx(pairwise_spread(levels), abs=1e-12)
     assert factor_at_loss(curves, np.full(6, 0.3)).min() >= 0.2
@@ -69,10 +62,6 @@ def test_curves_that_jump(make_curves) -> None:
     factors = np.linspace(0.2, 1, KNOTS)
     jumps = np.array([0.3, 0.45, 0.6, 0.8, 0.5, 0.35])
     curves = with_losses(make_curves, np.where(factors < jumps[:, None], 0.7, 0.0))
-    loss, slope = loss_and_slope(curves, np.full(6, 0.52))
-    with np.errstate(divide="ignore"):
-        newton = (0.35 - loss) / slope  # the step to half the jump, by the slope
-    assert np.isinf(newton).sum() >= 4  # a slope of 0 everywhere but within the jump
     problem = posed(curves, budget=0.55, rate=50.0)
     assert problem.objective(solved(problem)) < 0.9 * problem.objective(problem.baseline())
 
@@ -81,9 +70,6 @@ def test_curves_that_rise_and_fall(make_curves) -> None:
     rng = np.random.default_rng(5)
     losses = rng.random((8, KNOTS))
     curves = with_losses(make_curves, losses)
-    # A table of factors over losses takes for granted that loss falls; here it ends at quite another loss.
-    naive = np.array([np.interp(0.5, row[::-1], curves.factors[::-1]) for row in losses])
-    assert np.abs(loss_and_slope(curves, naive)[0] - 0.5).max() > 0.1
     reachable = losses[:, -1] <= 0.5
     assert reachable.any()
     found = factor_at_loss(curves, np.full(8, 0.5))
@@ -96,9 +82,6 @@ def test_curves_that_rise_and_fall(make_curves) -> None:
 def test_losses_below_all_floats(make_curves) -> None:
     losses = np.linspace(3e-308, 0, KNOTS) * np.linspace(0.1, 1, 5)[:, None]
     curves = with_losses(make_curves, losses)
-    drop = losses[:, 0] - losses[:, 1]
-    with np.errstate(over="ignore"):
-        assert np.isinf((losses[:, 0] + 1.0) / drop).all()  # how far to a loss of -1, in segments
     for wanted in (-1.0, 0.0, 1e-308, 0.5):
         found = factor_at_loss(curves, np.full(5, wanted))
         assert ((found >= 0.2) & (found <= 1)).all()
@@ -110,9 +93,6 @@ def test_losses_below_all_floats(make_curves) -> None:
 )
 def test_a_budget_a_hair_from_the_ends(make_curves, budget) -> None:
     rng = np.random.default_rng(6)
-    wanted = rng.uniform(0.1, 1.1, 30)
-    naive = np.clip(wanted + budget - wanted.mean(), 0.2, 1)  # moved to the budget, then into the bounds
-    assert abs(naive.mean() - budget) > 0.05
     problem = posed(make_curves(rng.uniform(0, 0.9, 30), luminance=rng.uniform(1, 100, 30)), budget)
     factors = solved(problem)
     assert abs(problem.budget_error(factors)) < 1e-9
@@ -121,8 +101,6 @@ def test_a_budget_a_hair_from_the_ends(make_curves, budget) -> None:
 
 
 def test_a_rate_limit_of_zero_somewhere_or_everywhere(make_curves) -> None:
-    with np.errstate(invalid="ignore"):
-        assert np.isnan(np.divide(0.0, 0.0))  # the ratio of no change to no change allowed
     curves = make_curves([0.2, 0.5, 0.6, 0.3, 0.8, 0.1], luminance=[5, 10, 50, 100, 0, 20])
     still = posed(curves, rate=0.0)
     factors = solved(still)
@@ -131,7 +109,6 @@ def test_a_rate_limit_of_zero_somewhere_or_everywhere(make_curves) -> None:
     assert factors[0] == pytest.approx(0.5, abs=1e-9)
     assert largest_rate_ratio(np.zeros(6), np.zeros(6)) == 0.0
     coefficients = (5.0, -20.0)  # a line that meets 0 at 41.25 cd/m^2
-    assert np.polynomial.legendre.legval(1.0, coefficients) == -15  # and at 60 is a rate below 0
     falling = RateLimit("falling", "d", "", RateLimitForm.RATE, coefficients, (10.0, 60.0))
     assert rate_limit_at(falling, [45.0, 60.0]).tolist() == [0.0, 0.0]
     request = Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), falling)
@@ -140,30 +117,10 @@ def test_a_rate_limit_of_zero_somewhere_or_everywhere(make_curves) -> None:
 
 def test_ties_in_the_order_of_the_losses() -> None:
     tied = np.full(8, 0.3)
-    weights = np.arange(-7.0, 8, 2.0)
-    naive = tied - 0.01 * weights[np.argsort(np.argsort(tied, kind="stable"))]
-    assert np.ptp(naive) > 0.1  # less spread was asked for: equal losses are pulled apart
     np.testing.assert_allclose(proximal_spread(tied, 0.01), tied, atol=1e-15)
     assert pairwise_spread(tied) == 0.0
     mixed = np.array([0.3, 0.1, 0.3, 0.1, 0.3])  # two values: 6 of the 10 pairs differ, by 0.2
     assert pairwise_spread(mixed) == pytest.approx(0.2 * 6 / 10, abs=1e-16)
-
-
-@pytest.mark.parametrize("n", [1, 2])
-def test_one_frame_and_two(make_curves, n) -> None:
-    with np.errstate(invalid="ignore"):
-        assert np.isnan(np.divide(0.0, 1 * 0 / 2))  # the mean over the pairs of one frame
-    problem = posed(make_curves([0.2, 0.7][:n]))
-    factors = solved(problem)
-    if n == 1:
-        assert problem.objective(factors) == 0.0
-    assert factors.mean() == pytest.approx(0.5, abs=1e-9)
-
-
-def test_identical_frames_stay_together(make_curves) -> None:
-    problem = posed(make_curves(np.full(40, 0.6)), budget=0.37)
-    assert np.std(problem.loss(problem.baseline())) == pytest.approx(0, abs=1e-15)  # a scale to divide by
-    assert problem.objective(solved(problem)) == pytest.approx(0, abs=1e-15)
 
 
 @pytest.mark.parametrize("unit", [BudgetUnit.POWER, BudgetUnit.WATT])
@@ -171,9 +128,6 @@ def test_identical_frames_stay_together(make_curves) -> None:
 def test_a_black_video_on_an_oled_panel(make_curves, unit, base_power) -> None:
     panel = replace(OLED, base_power=base_power)
     curves = make_curves([0.0, 0.0], luminance=0.0)
-    with np.errstate(invalid="ignore"):
-        shares = curves.channel_means[:, 0] / curves.channel_means[:, 0].sum()
-    assert np.isnan(shares).all()  # of the budget, for each frame
     with pytest.raises(InputError, match="the video is black throughout: dimming an OLED panel saves no"):
         pose(curves, Request(0.6, unit, panel, limit_of(5.0)))
 
@@ -181,10 +135,7 @@ def test_a_black_video_on_an_oled_panel(make_curves, unit, base_power) -> None:
 def test_a_video_that_is_black_in_part_on_an_oled_panel(make_curves) -> None:
     curves = make_curves([0.3, 0.0, 0.0, 0.7], luminance=[60, 0, 0, 30])
     problem = pose(curves, Request(0.6, BudgetUnit.POWER, OLED, limit_of(5.0)))
-    weights = problem.budget_weights
-    assert weights.tolist()[1:3] == [0.0, 0.0]
-    with np.errstate(divide="ignore"):
-        assert np.isinf(1 / weights[1:3]).all()  # what a step of the price would be divided by
+    assert problem.budget_weights.tolist()[1:3] == [0.0, 0.0]
     solved(problem)
 
 
@@ -192,11 +143,6 @@ def test_a_night_before_the_day_on_an_oled_panel_online(make_curves) -> None:
     """20 s of night, in which nothing can be used, and 80 s of day, which takes twice what is due."""
     light = np.repeat([0.1, 52.2], [200, 800])
     day, window = 1.7 * 52.2 / 104.4, 200
-    naive = np.zeros(1000)
-    for k, full in enumerate(day * light / 52.2):  # all that the last 20 s have left, at once
-        left = window * 0.5 * day - naive[max(k - window + 1, 0) : k].sum()
-        naive[k] = np.clip(left, 0.2 * full, full)
-    assert np.ptp(naive[-2 * window :]) > 0.75 * day  # flickers between 1 and the lowest factor, for ever
     asked = GovernorSettings(OLED.base_power + 0.5 * day, BudgetUnit.WATT, 20.0)
     curves = make_curves(np.full(1000, 0.2), luminance=light, frames_per_second=10.0)
     controller = Controller(ControllerSettings(0.03), lambda _: 1e9)
@@ -212,9 +158,6 @@ def test_a_night_before_the_day_on_an_oled_panel_online(make_curves) -> None:
 @pytest.mark.parametrize("luminance", [1e-300, 1e-6, 1e-4, 1e4, 1e6])
 def test_luminances_of_any_size(make_curves, luminance) -> None:
     strength = np.array([0.2, 0.5, 0.6, 0.3])
-    quartic = [-7.32344335e-08, 2.23659401e-05, -2.59136234e-03, 1.42944472e-01, -2.40443357]
-    if luminance >= 1e4:
-        assert np.exp(np.polyval(quartic, luminance)) == 0  # the published polynomial, far outside its data
     curves = make_curves(strength, luminance=luminance)
     settings = ControllerSettings(0.2)
     limit = limit_of(0.03 * luminance) if luminance > 1e-3 else limit_of(1.0)

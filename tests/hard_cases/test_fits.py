@@ -1,24 +1,19 @@
-"""Hard cases of fits: empty and saturated cells, one trial or a trillion, powers of L, extrapolation.
-
-Each test runs the naive form first and shows what goes wrong with it.
-"""
+"""Hard cases of fits: empty and saturated cells, one trial or a trillion, powers of L, extrapolation."""
 
 import math
 
 import numpy as np
 import pytest
-from scipy import optimize
 
 from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricFit, fit_psychometric
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import CurveBasis, RateLimitOptions, basis_for
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, basis_for
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_points
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import (
-    WIDTH_LOGITS,
     PsychometricFunction,
     log_likelihood,
     rate_at,
@@ -30,13 +25,6 @@ RATES = np.array([0.1, 0.3, 1.0, 3.0, 10.0])
 # The authors' coefficients of ln(rate) over L, highest power first (their published program).
 QUARTIC = [-7.32344335e-08, 2.23659401e-05, -2.59136234e-03, 1.42944472e-01, -2.40443357]
 DISPLAY = Display("d", 1e4, 0.0, 2.2, 30.0)
-
-
-def naive_log_likelihood(function: PsychometricFunction, rate, n_yes, n_trials) -> float:
-    """Sum of n ln p, as the binomial likelihood is printed."""
-    p = yes_probability(rate, function)
-    n_yes, n_trials = np.asarray(n_yes), np.asarray(n_trials)
-    return float(np.sum(n_yes * np.log(p) + (n_trials - n_yes) * np.log(1 - p)))
 
 
 def fitted(n_yes, n_trials, rates=RATES, **others) -> PsychometricFit:
@@ -51,8 +39,6 @@ def fitted(n_yes, n_trials, rates=RATES, **others) -> PsychometricFit:
 def test_cells_without_trials_and_saturated_cells() -> None:
     steep = PsychometricFunction(1.0, 0.05)  # at 0.1 and 10 it is 0 and 1 to all digits
     counts = ([0, 0, 3, 5, 5], [5, 0, 4, 5, 5])
-    with np.errstate(divide="ignore", invalid="ignore"):
-        assert math.isnan(naive_log_likelihood(steep, RATES, *counts))  # 0 · ln 0
     assert log_likelihood(steep, RATES, *counts) == pytest.approx(3 * math.log(0.75) + math.log(0.25))
     fitted(*counts)
 
@@ -66,34 +52,18 @@ def test_cells_without_trials_and_saturated_cells() -> None:
 @pytest.mark.parametrize("guess_rate", [None, 0.5])
 def test_answers_without_a_maximum_of_the_likelihood(n_yes, guess_rate) -> None:
     n_trials = [20] * 5
-
-    def cost(parameters) -> float:
-        with np.errstate(over="ignore", under="ignore"):
-            function = PsychometricFunction(*np.exp(np.clip(parameters, -300, 300)))
-        return -log_likelihood(function, RATES, n_yes, n_trials)
-
-    naive = optimize.minimize(cost, [0.0, 0.0], method="Nelder-Mead", options={"maxiter": 2000, "fatol": 0})
-    # Maximum likelihood runs off: to a threshold beyond the rates, or to a width of 0.
-    ran_off = np.abs(naive.x[0]) > np.log(100.0) or np.abs(naive.x[1]) > np.log(10.0)
-    assert ran_off
     threshold = fitted(n_yes, n_trials, guess_rate=guess_rate).ln_threshold
     assert np.log(0.1) - 3 < threshold.ci_low < threshold.ci_high < np.log(10.0) + 3
 
 
 @pytest.mark.parametrize(("n_yes", "n_trials"), [([1], [1]), ([0], [1]), ([0], [0])])
 def test_one_trial_or_none_says_next_to_nothing(n_yes, n_trials) -> None:
-    if n_trials[0] == 0:
-        with np.errstate(invalid="ignore"):
-            assert np.isnan(np.divide(n_yes, n_trials)).all()  # the share of "yes"
     fit = fitted(n_yes, n_trials, rates=[1.0])
     assert fit.ln_threshold.ci_high - fit.ln_threshold.ci_low > 1
 
 
 def test_rates_over_twelve_decades() -> None:
     rates = np.geomspace(1e-6, 1e6, 5)
-    logit = WIDTH_LOGITS * np.log(1e6 / 1e-6) / 0.2
-    with np.errstate(over="ignore", invalid="ignore"):
-        assert np.isnan(np.exp(logit) / (1 + np.exp(logit)))  # the odds of the far end over one more
     assert yes_probability(1e6, PsychometricFunction(1e-6, 0.2)) == 1.0
     observer = PsychometricFunction(1.0, 1.5, 0.1, 0.02)
     fit = fitted([2, 2, 15, 20, 20], [20] * 5, rates=rates)
@@ -107,11 +77,6 @@ def test_rates_over_twelve_decades() -> None:
 def test_answers_by_the_million_are_found_between_the_nodes(trials) -> None:
     truth = PsychometricFunction(0.8, 1.2, 0.05, 0.02)
     n_yes = np.round(trials * yes_probability(RATES, truth)).astype(np.int64)
-    nodes = np.linspace(np.log(0.1) - 2.6, np.log(10.0) + 2.6, 32)
-    observers = (PsychometricFunction(float(np.exp(x)), 1.2, 0.05, 0.02) for x in nodes)
-    ln_likelihood = np.array([log_likelihood(o, RATES, n_yes, [trials] * 5) for o in observers])
-    if trials >= 10**6:  # one node of a fixed grid carries it all: no spread, no interval
-        assert np.sort(np.exp(ln_likelihood - ln_likelihood.max()))[-2] < 1e-6
     fit = fitted(n_yes, [trials] * 5)
     for found, true in (
         (fit.ln_threshold, math.log(0.8)),
@@ -131,10 +96,6 @@ def test_the_published_quartic_far_outside_its_data() -> None:
 
     darkest, brightest = 8.8, 104.4  # cd/m^2, of what was measured
     relative = naive(darkest) / darkest
-    assert naive(1.0) / 1.0 > 3 * relative  # a limit three times as generous where nobody was asked
-    assert naive(120.0) < naive(105.0)
-    assert naive(150.0) / 150 < relative / 10
-    assert naive(1000.0) == 0.0
     ours = load_rate_limit("surace2025")
     luminance = np.array([1e-6, 1.0, darkest, brightest, 120.0, 150.0, 1e4])
     rate = rate_limit_at(ours, luminance)
@@ -152,11 +113,6 @@ def test_the_published_quartic_far_outside_its_data() -> None:
 def test_coefficients_survive_six_digits(luminance) -> None:
     L = np.array(luminance)
     rate = 0.03 * L
-    powers = np.vander(L, 5)
-    assert np.linalg.cond(powers) > 1e8
-    by_powers = np.linalg.lstsq(powers, np.log(rate), rcond=None)[0]
-    printed = [float(f"{c:.6g}") for c in by_powers]
-    naive = np.abs(np.exp(np.polyval(printed, L)) / np.exp(np.polyval(by_powers, L)) - 1).max()
     fit = fit_points(L, rate, DISPLAY).limit
     assert fit.condition_number is not None
     assert fit.condition_number < 5
@@ -165,15 +121,12 @@ def test_coefficients_survive_six_digits(luminance) -> None:
     )
     ours = np.abs(rate_limit_at(printed_limit, L) / rate_limit_at(fit, L) - 1).max()
     assert ours < 1e-5
-    assert naive > 10 * ours
     np.testing.assert_allclose(scalar_rate_limit(fit)(float(L[2])), rate_limit_at(fit, L[2]), rtol=1e-12)
 
 
 @pytest.mark.parametrize("form", [RateLimitForm.LN_RATE, RateLimitForm.RATE])
 def test_luminances_that_do_not_tell_a_quartic_are_refused(form) -> None:
     crowded = [1e-6, 1e-3, 1.0, 1e2, 1e3, 1e6]
-    design = CurveBasis(form, 4, (1e-6, 1e6)).design(crowded)
-    assert np.linalg.cond(design.T @ design) > 1e15  # its inverse, the covariance, is nothing but rounding
     with pytest.raises(InputError, match=r"condition number .*; choose the form log_log, a lower degree"):
         basis_for(crowded, RateLimitOptions(form))
     rates, over_logs = 0.03 * np.array(crowded), RateLimitOptions(RateLimitForm.LOG_LOG)
@@ -183,7 +136,6 @@ def test_luminances_that_do_not_tell_a_quartic_are_refused(form) -> None:
 
 def test_a_quartic_over_ten_decades_of_luminance() -> None:
     luminance = np.geomspace(1e-4, 1e4, 9)
-    assert np.linalg.cond(np.vander(luminance, 5)) > 1e15  # powers of L: not a digit is left
     fit = fit_points(luminance, 0.03 * luminance, DISPLAY, RateLimitOptions(RateLimitForm.LOG_LOG))
     assert fit.limit.condition_number is not None
     assert fit.limit.condition_number < 5

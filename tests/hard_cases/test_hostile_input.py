@@ -24,7 +24,7 @@ from evenlight.data_schema.storage.tables import number_in, plain_cell
 from evenlight.data_schema.storage.text_files import DEEPEST, read_text
 from evenlight.data_schema.storage.whole_files import recording_folder, results_folder
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
-from evenlight.experiments.design_files import DESIGNS, load_design, load_sweep_design
+from evenlight.experiments.design_files import DESIGNS, load_design
 from evenlight.experiments.playback import measured_play
 from evenlight.hardware import measure_command
 from evenlight.hardware.luminance_table import read_table
@@ -93,11 +93,6 @@ def test_no_option_takes_what_is_no_number(callback: Callable[..., None], name: 
 def test_no_option_takes_whole_numbers_beyond_64_bits(callback: Callable[..., None], name: str) -> None:
     with pytest.raises(InputError, match=r"must be a whole number below 2\^63, got one near 10\^400"):
         callback(**{name: 10**400})
-
-
-def test_there_are_options_to_try() -> None:
-    assert len(options_of_kind(float)) > 25
-    assert len(options_of_kind(int)) > 15
 
 
 @pytest.mark.parametrize(
@@ -202,12 +197,6 @@ def design_with(folder: Path, line: str) -> Path:
 def test_a_design_of_which_a_session_would_not_end(tmp_path, line, said) -> None:
     with pytest.raises(InputError, match=said):
         load_design(str(design_with(tmp_path, line)))
-
-
-def test_a_warm_up_with_more_readings_than_memory(tmp_path) -> None:
-    (tmp_path / "d.toml").write_text('name = "x"\nwarm_up_interval_s = 1e-300\n')
-    with pytest.raises(InputError, match="warm_up_interval_s must lie in"):
-        load_sweep_design("luminance-sweep", str(tmp_path / "d.toml"))
 
 
 @pytest.mark.parametrize("content", ["", " \n\n"])

@@ -13,7 +13,7 @@ SECTIONS = dict(
 
 
 def test_there_are_tables() -> None:
-    assert len(SECTIONS) == 5
+    assert len(SECTIONS) == 4
 
 
 @pytest.mark.parametrize("file", SECTIONS)

@@ -36,17 +36,6 @@ def response_as_printed(L: float, A: float, B: float) -> float:
     return B * L**0.73 / (L**0.73 + sigma_as_printed(A) ** 0.73)
 
 
-def euler(luminance: float, start: float, seconds: float, step: float) -> float:
-    """Integral of |static - dynamic| after a jump as a program would take it: step by step, a value each."""
-    A, B, total = start, 2e6 / (2e6 + start), 0.0
-    static = response_as_printed(luminance, luminance, 2e6 / (2e6 + luminance))
-    for _ in range(round(seconds / step)):
-        A += step / 0.08 * (luminance - A)
-        B += step * ((1 - B) / 110 - luminance * B / (110 * 2e6))
-        total += step * abs(static - response_as_printed(luminance, max(A, 1e-12), B))
-    return total
-
-
 @pytest.mark.slow
 @given(luminances)
 def test_half_saturation_is_the_printed_formula(luminance: float) -> None:
@@ -149,16 +138,6 @@ def test_the_same_stimulus_in_more_frames_has_the_same_integral() -> None:
     for pieces in (2, 7):
         cut = response_differences(np.repeat(light, pieces, axis=0), np.repeat(durations / pieces, pieces))
         np.testing.assert_allclose(cut.sum(axis=0), whole, rtol=1e-4)
-
-
-def test_explicit_euler_would_depend_on_the_frame_rate() -> None:
-    # A jump from 10 to 20 cd/m^2: at 25 Hz Euler's sum is 40 % off, at 5 Hz it blows up (step 2.5 time
-    # constants).
-    exact = response_differences(np.array([10.0, 20.0]), [1.0, 2.0])[1]
-    assert euler(20.0, 10.0, 2.0, 1e-4) == pytest.approx(exact, rel=2e-3)
-    at_25, at_5 = euler(20.0, 10.0, 2.0, 0.04), euler(20.0, 10.0, 2.0, 0.2)
-    assert abs(at_25 / exact - 1) > 0.3
-    assert at_5 / exact > 3
 
 
 def test_the_integral_does_not_tell_a_fast_change_from_a_slow_one() -> None:

@@ -1,4 +1,4 @@
-"""Threads that analyse frames: the same result for any number of them, few frames in memory, clean ends."""
+"""Threads that analyse frames: any number gives the same, few frames in memory, clean ends."""
 
 import itertools
 import threading
@@ -8,16 +8,24 @@ from concurrent.futures import Future
 import numpy as np
 import pytest
 from hard_pictures import frame_of
+from hypothesis import given
+from hypothesis import strategies as st
 
-from evenlight.data_schema.contrast_model import DEFAULT_MODEL
+from evenlight.data_schema.contrast_model import (
+    DEFAULT_MODEL,
+    ContrastModel,
+    PixelToLuminance,
+    SensitivityModel,
+)
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.method.choices import AnalysisEffort
-from evenlight.method.contrast.frame_analysis import FrameAnalysis, frame_losses
+from evenlight.method.contrast.frame_analysis import FrameAnalysis, SpareArrays, frame_losses
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
+
 FACTORS = brightness_factors(0.2, 9)
 
 
@@ -68,17 +76,6 @@ def test_frames_like_the_one_before_are_analysed_once(monkeypatch):
     assert found.loss[0].tobytes() == found.loss[2].tobytes() == found.loss[5].tobytes()
     assert found.loss[3].tobytes() == found.loss[4].tobytes() != found.loss[0].tobytes()
     assert found.n_frames == 6
-
-
-def test_a_still_that_lasts_costs_one_frame_and_says_how_long_it_is_shown(monkeypatch):
-    calls, whole = itertools.count(), FrameAnalysis.of
-    monkeypatch.setattr(FrameAnalysis, "of", lambda self, pixels: (next(calls), whole(self, pixels))[1])
-    (still,) = noise(1)
-    found = curves(Frame(0.5 * k, 0.5, still.pixel_values.copy()) for k in range(200))
-    assert next(calls) == 1
-    assert found.n_frames == 200
-    assert found.durations.sum() == 100
-    assert (found.loss == found.loss[0]).all()
 
 
 @pytest.fixture
@@ -181,3 +178,64 @@ def test_frames_are_asked_for_in_the_thread_that_asked_for_the_curves():
 def test_an_impossible_number_of_threads_is_refused():
     with pytest.raises(ValueError, match=r"jobs must be 0 .* got -1"):
         AnalysisEffort(jobs=-1)
+
+
+# --- spare arrays
+
+ROOM = Display("room", 104.4, 0.2, 1.95, pixels_per_degree=72.28, reflected_luminance=2.0)
+
+FACTORS_OF_SPARE_ARRAYS = brightness_factors(0.2, 3)
+
+
+@given(st.lists(st.sampled_from(["take", "give back", "give another's"])))
+def test_none_is_handed_out_twice_and_no_more_are_held_than_were_out_at_a_time(steps: list[str]) -> None:
+    spare, out, most = SpareArrays(), [], 0
+    for step in steps:
+        if step == "take":
+            taken = spare.take((2, 3), np.float32)
+            assert all(taken is not other for other in out)
+            out.append(taken)
+            most = max(most, len(out))
+        elif step == "give another's" and not out:
+            spare.give_back(np.zeros((2, 3), np.float32))
+        elif out:
+            spare.give_back(out.pop(0))
+        assert spare.held + len(out) == most
+
+
+def test_an_array_is_of_the_shape_and_type_asked_for() -> None:
+    spare = SpareArrays()
+    first = spare.take((2, 3), np.float32)
+    spare.give_back(first)
+    for shape, kind in (((3, 2), np.float32), ((2, 3), np.uint8)):
+        assert (spare.take(shape, kind).shape, spare.take(shape, kind).dtype) == (shape, kind)
+    assert spare.take((2, 3), "f4") is first
+
+
+def test_threads_that_take_and_give_at_once_leave_no_more_than_one_for_each() -> None:
+    spare, start = SpareArrays(), threading.Barrier(4)
+
+    def busy() -> None:
+        start.wait()
+        for _ in range(300):
+            spare.give_back(spare.take((2, 3), np.float32))
+
+    threads = [threading.Thread(target=busy) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert 1 <= spare.held <= 4
+
+
+@pytest.mark.parametrize("order", PixelToLuminance)
+@pytest.mark.parametrize("way", ["at once", "by definition"])
+def test_the_analysis_of_many_frames_holds_as_much_as_that_of_one(way: str, order: PixelToLuminance) -> None:
+    authors = SensitivityModel.AUTHORS if way == "by definition" else SensitivityModel.BARTEN
+    model = ContrastModel(pixel_to_luminance=order, sensitivity=authors)
+    analysis = FrameAnalysis((16, 16), ROOM, model, FACTORS_OF_SPARE_ARRAYS)
+    assert analysis.in_one_pass == (way != "by definition")
+    frame = np.random.default_rng(0).integers(0, 256, (16, 16, 3), dtype=np.uint8)
+    for _ in range(4):
+        analysis.of(frame)
+        assert analysis._spare.held == 1

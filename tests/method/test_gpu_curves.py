@@ -1,39 +1,80 @@
-"""Loss curves from compute shaders: against the definition in float64, and the pass on the processor."""
+"""Compute shaders: pyramids, loss curves and the loss at one factor, as on the processor."""
 
 import dataclasses
+from collections.abc import Callable
 
 import numpy as np
 import pytest
 from compute_shaders import own_context
-from hard_pictures import fractal, frame_of, pictures
+from hard_pictures import frame_of, pictures
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 
 from benchmarks.curve_definition import loss_curves_by_definition
 from evenlight.data_schema.contrast_model import (
-    BandFrequency,
     ContrastModel,
-    MaskingNeighbourhood,
     PixelToLuminance,
     SensitivityModel,
-    Visibility,
 )
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.method.contrast.contrast_loss import contrast_loss
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
 from evenlight.method.contrast.loss_curves import brightness_factors
-from evenlight.method.contrast.luminance import channel_means, emitted_luminance
-from evenlight.method.contrast.pyramid import band_frequencies, level_shapes
+from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.method.contrast.pyramid import band_frequencies, gaussian_pyramid, level_shapes
 from evenlight.method.gpu import one_pass
-from evenlight.method.gpu.frame_loss import GpuFrameAnalysis
+from evenlight.method.gpu.frame_loss import GpuFrameAnalysis, GpuLoss
+from evenlight.method.gpu.pyramid import SUM_WORDS, FrameTexture, GpuPyramid, packed, sums_of
 
 pytestmark = pytest.mark.slow
 
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
-OLED = Display("oled", 600.0, 0.0, 2.2, pixels_per_degree=60.0)
-BRIGHT_ROOM = dataclasses.replace(HEADSET, reflected_luminance=2.0)
+
+LEVELS = 5
+
+
+def levels_of(frame, order):
+    """The levels of a frame, and the sums of its channels, from the memory of the graphics processor."""
+    own = own_context()
+
+    def made(context):
+        pyramid = GpuPyramid(context, frame.shape[:2], HEADSET, order, LEVELS)
+        results = context.buffer(bytes(4 * SUM_WORDS))
+        pyramid.fill(packed(frame), results)
+        context.finish()
+        cells = np.frombuffer(pyramid.buffer.read(), np.float32)
+        parts = zip(pyramid.begins, pyramid.begins[1:], pyramid.shapes, strict=False)
+        levels = [cells[first:last].reshape(shape) for first, last, shape in parts]
+        return levels, sums_of(np.frombuffer(results.read(), np.uint32))
+
+    return own.run(made, own.context)
+
+
+@pytest.mark.parametrize("order", list(PixelToLuminance))
+@pytest.mark.parametrize("shape", [(37, 70), (64, 33), (16, 200)])
+def test_levels_and_sums_are_those_of_the_definition(shape, order):
+    frame = np.random.default_rng(3).integers(0, 256, (*shape, 3), dtype=np.uint8)
+    emitted = emitted_luminance(frame, HEADSET, order)
+    levels, sums = levels_of(frame, order)
+    for level, expected in zip(levels, gaussian_pyramid(emitted, LEVELS), strict=True):
+        np.testing.assert_allclose(level, expected, rtol=3e-6)
+    np.testing.assert_allclose(0.2 + 104.2 * sums[3] / emitted.size, emitted.mean(), rtol=1e-6)
+
+
+@pytest.mark.parametrize("order", list(PixelToLuminance))
+def test_one_colour_stays_one_luminance_to_the_last_bit(order):
+    """Masking takes contrasts to the power 0.2, which makes 0.04 of rounding noise of 1e-7."""
+    for value in range(0, 256, 17):
+        frame = np.full((35, 52, 3), (value, 255 - value, 77), np.uint8)
+        levels, _ = levels_of(frame, order)
+        assert len({float(cell) for level in levels for cell in np.unique(level)}) == 1
+
+
+# --- gpu curves
+
 FACTORS = brightness_factors(0.2, 7)
+
 MODEL = ContrastModel()
 
 
@@ -46,41 +87,6 @@ def defined(frame, display=HEADSET, model=MODEL, factors=FACTORS):
     """The loss by definition."""
     emitted = emitted_luminance(frame, display, model.pixel_to_luminance)
     return loss_curves_by_definition(emitted, factors, display, model)
-
-
-@pytest.mark.parametrize("display", [HEADSET, OLED, BRIGHT_ROOM], ids=["headset", "oled", "bright room"])
-def test_curves_equal_the_definition_to_a_thousandth(display):
-    analysis, errors = on_gpu((72, 120), display), {}
-    for name, picture in pictures((72, 120)).items():
-        frame = frame_of(picture)
-        errors[name] = np.abs(analysis.of(frame).loss - defined(frame, display)).max()
-    assert max(errors.values()) < 1e-3, errors
-
-
-@pytest.mark.parametrize(
-    "model",
-    [
-        ContrastModel(pixel_to_luminance=PixelToLuminance.LUMA_FIRST),
-        ContrastModel(band_frequency=BandFrequency.CENTROID, band_count=3),
-        ContrastModel(sensitivity=SensitivityModel.SIMPLIFIED, field_size=20.0, epsilon=0.1),
-        ContrastModel(masking=MaskingNeighbourhood.WITHOUT_CENTRE),
-        ContrastModel(visibility=Visibility.POSITIVE_ONLY),
-    ],
-    ids=["luma first", "centroid", "simplified", "without centre", "positive only"],
-)
-def test_every_choice_has_its_shader(model):
-    colour = np.stack([fractal((61, 83), 1.0, seed) for seed in range(3)], axis=2)
-    frame = np.rint(255 * np.clip(0.4 + 0.2 * colour, 0, 1)).astype(np.uint8)
-    np.testing.assert_allclose(
-        on_gpu((61, 83), model=model).of(frame).loss, defined(frame, model=model), atol=1e-3
-    )
-
-
-@pytest.mark.parametrize("factors", [np.linspace(0.005, 1, 9), np.array([0.3, 0.31, 0.9, 1.0])])
-def test_any_knots_will_do(factors):
-    frame = frame_of(pictures((66, 80))["photograph"])
-    loss = on_gpu((66, 80), factors=factors).of(frame).loss
-    np.testing.assert_allclose(loss, defined(frame, factors=factors), atol=1e-3)
 
 
 @pytest.mark.parametrize("shape", [(132, 130), (66, 80)], ids=["many pixels", "few pixels"])
@@ -108,56 +114,6 @@ def test_all_sizes_agree_with_the_processor(shape, seed, contrast):
     one_pixel = 1 / (n_bands * np.prod(level_shapes(shape)[n_bands - 1]))
     visible, expected = ((1 - found.loss) * found.visible_contrast for found in (ours, theirs))
     np.testing.assert_allclose(visible, expected, atol=1.001 * one_pixel)
-
-
-@pytest.mark.parametrize("display", [HEADSET, OLED])
-@pytest.mark.parametrize("value", [0, 1, 77, 255])
-@pytest.mark.parametrize("shape", [(8, 8), (9, 13), (65, 31)])
-def test_a_uniform_frame_shows_and_loses_nothing(shape, value, display):
-    """Of any colour: contrast is 0 to the last bit, or rounding would be raised to its 0.2th power."""
-    result = on_gpu(shape, display).of(np.full((*shape, 3), (value, 255 - value, 200), np.uint8))
-    assert result.visible_contrast == 0
-    assert not result.loss.any()
-
-
-@pytest.mark.parametrize("order", list(PixelToLuminance))
-def test_a_uniform_area_has_no_contrast_beside_a_lively_one(order):
-    """What is visible in the whole is what the definition sees, though two thirds are of one colour."""
-    frame = np.full((60, 90, 3), (13, 200, 77), np.uint8)
-    frame[:, :30] = np.random.default_rng(5).integers(0, 256, (60, 30, 3))
-    model = ContrastModel(pixel_to_luminance=order)
-    np.testing.assert_allclose(
-        on_gpu((60, 90), model=model).of(frame).loss, defined(frame, model=model), atol=1e-3
-    )
-
-
-@pytest.mark.parametrize(("peak", "black"), [(1e4, 1e-4), (1e4, 0.0), (0.01, 1e-4), (1.0, 0.0)])
-def test_extreme_luminances_follow_the_definition(peak, black):
-    display = Display("any", peak, black, 2.2, pixels_per_degree=60.0)
-    frame = frame_of(np.random.default_rng(2).random((48, 48)) ** 8)
-    result = on_gpu((48, 48), display).of(frame)
-    assert np.isfinite(result.loss).all()
-    np.testing.assert_allclose(result.loss, defined(frame, display), atol=1e-3)
-
-
-@settings(deadline=None, max_examples=20)
-@given(arrays(np.uint8, (12, 9, 3)))
-def test_curves_fall_within_0_and_1_to_0_undimmed(frame):
-    loss = on_gpu((12, 9)).of(frame).loss
-    assert loss[-1] == 0
-    assert (np.diff(loss) <= 0).all()
-    assert loss[0] <= 1
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32, np.float32, np.float64])
-def test_every_kind_of_pixel_value_is_converted_as_the_definition_does(dtype):
-    picture = np.random.default_rng(6).random((23, 31, 3))  # an odd number of bytes in all
-    top = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1
-    frame = (picture * top).astype(dtype)
-    result = on_gpu((23, 31)).of(frame)
-    assert result.mean_luminance == pytest.approx(emitted_luminance(frame, HEADSET).mean(), rel=1e-6)
-    np.testing.assert_allclose(result.channel_means, channel_means(frame, HEADSET.gamma), rtol=1e-6)
-    np.testing.assert_allclose(result.loss, defined(frame), atol=1e-3)
 
 
 def test_means_of_many_pixels_keep_their_digits():
@@ -201,14 +157,6 @@ def test_the_dispatch_may_have_several_rows(monkeypatch):
     np.testing.assert_array_equal(on_gpu((70, 100)).of(frame).loss, in_one_row.loss)
 
 
-def test_bands_that_cannot_be_seen_count_as_empty():
-    """At 400 pixels per degree the finest band is at 200 cpd; at 10000 no band can be seen."""
-    frame = frame_of(np.random.default_rng(0).random((64, 64)))
-    for density in (400.0, 10000.0):
-        fine = dataclasses.replace(HEADSET, pixels_per_degree=density)
-        np.testing.assert_allclose(on_gpu((64, 64), fine).of(frame).loss, defined(frame, fine), atol=1e-3)
-
-
 @pytest.mark.parametrize(
     ("model", "factors", "words"),
     [
@@ -219,3 +167,149 @@ def test_bands_that_cannot_be_seen_count_as_empty():
 def test_what_only_the_processor_computes_is_refused(model, factors, words):
     with pytest.raises(InputError, match=words):
         on_gpu((16, 16), model=model, factors=factors)
+
+
+# --- gpu loss
+
+SHAPE = (72, 120)
+
+FRAME = frame_of(pictures(SHAPE)["photograph"])
+
+
+def in_context(test: Callable[..., None]) -> None:
+    """Run what needs the context in its thread."""
+    own = own_context()
+    own.run(test, own.context)
+
+
+def texture(context, values, dtype):
+    """A texture of an array, (height, width, channels)."""
+    height, width, channels = values.shape
+    return context.texture((width, height), channels, np.ascontiguousarray(values), alignment=1, dtype=dtype)
+
+
+def levels(context, frame):
+    """An 8-bit frame as a texture of levels."""
+    return FrameTexture(texture(context, frame, "u1"))
+
+
+def as_defined(frame, factor, display=HEADSET):
+    """The loss by definition."""
+    return contrast_loss(emitted_luminance(frame, display), factor, display)
+
+
+@pytest.mark.parametrize("kind", ["u1", "u2 of ten bits", "four channels", "array", "array of floats"])
+def test_all_textures_of_a_frame_give_its_loss(kind):
+    def test(context):
+        ten = (
+            np.random.default_rng(1).integers(0, 1024, (*SHAPE, 3), dtype=np.uint16)
+            if "ten" in kind
+            else None
+        )
+        unit = FRAME / 255 if ten is None else ten / 1023
+        if kind == "array":
+            frame = FRAME
+        elif kind == "array of floats":
+            frame = unit.astype(np.float32)
+        elif kind == "u1":
+            frame = levels(context, FRAME)
+        elif kind == "four channels":
+            four = np.concatenate([FRAME, np.full((*SHAPE, 1), 255, np.uint8)], axis=2)
+            frame = levels(context, four)
+        else:
+            frame = FrameTexture(texture(context, ten, "u2"), levels=1024)
+        seen = GpuLoss(context, SHAPE, HEADSET).of(frame, 0.4)
+        assert seen.loss == pytest.approx(as_defined(unit, 0.4), abs=1e-3)
+        assert seen.mean_luminance == pytest.approx(emitted_luminance(unit, HEADSET).mean(), rel=1e-5)
+
+    in_context(test)
+
+
+def test_a_drawn_frame_is_turned_over():
+    """Rows of textures that were drawn to count from below; every other row is another pyramid."""
+
+    def test(context):
+        loss = GpuLoss(context, SHAPE, HEADSET)
+        upright = loss.of(levels(context, FRAME), 0.3)
+        turned = dataclasses.replace(levels(context, FRAME[::-1]), from_below=True)
+        assert loss.of(turned, 0.3) == upright
+        assert loss.of(dataclasses.replace(turned, from_below=False), 0.3) != upright
+
+    in_context(test)
+
+
+def test_what_is_not_a_number_is_dark_and_what_is_too_bright_is_the_peak():
+    """What a renderer may leave behind; it must not spread over the pyramid."""
+
+    def test(context):
+        odd = (FRAME / 255).astype(np.float32)
+        usual = odd.copy()
+        for pixel, strange, meant in (
+            (3, np.nan, 0),
+            (40, np.inf, 1),
+            (77, -np.inf, 0),
+            (90, 7.0, 1),
+            (99, -1, 0),
+        ):
+            odd[pixel % 72, pixel], usual[pixel % 72, pixel] = strange, meant
+        loss = GpuLoss(context, SHAPE, HEADSET)
+        seen, expected = (loss.of(values, 0.4) for values in (odd, usual))
+        assert np.isfinite(seen.loss)
+        assert seen == expected
+
+    in_context(test)
+
+
+def test_answers_come_in_the_order_of_the_questions():
+    """One frame late, as a live loop asks: each answer is to its own frame and factor."""
+
+    def test(context):
+        loss = GpuLoss(context, SHAPE, HEADSET)
+        frames = [frame_of(picture) for picture in list(pictures(SHAPE).values())[:4]]
+        factors = [0.3, 0.5, 0.7, 0.4]
+        at_once = [loss.of(levels(context, f), b) for f, b in zip(frames, factors, strict=True)]
+        late = []
+        loss.start(levels(context, frames[0]), factors[0])
+        for frame, factor in zip(frames[1:], factors[1:], strict=True):
+            loss.start(levels(context, frame), factor)
+            late.append(loss.result())
+        late.append(loss.result())
+        assert late == at_once
+
+    in_context(test)
+
+
+def test_too_much_at_once_and_nothing_at_all_are_refused():
+    def test(context):
+        loss = GpuLoss(context, (8, 8), HEADSET, lowest_factor=0.3)
+        frame = np.zeros((8, 8, 3), np.uint8)
+        with pytest.raises(ValueError, match="no frame is under way"):
+            loss.result()
+        with pytest.raises(InputError, match=r"the factor must lie in 0\.3 to 1, got 0\.29"):
+            loss.start(frame, 0.29)
+        with pytest.raises(InputError, match=r"expected a frame of the shape \(8, 8\), got \(8, 9\)"):
+            loss.start(np.zeros((8, 9, 3), np.uint8), 0.5)
+        loss.start(frame, 0.5)
+        with pytest.raises(ValueError, match="1 of the frames before are under way"):
+            loss.of(frame, 0.5)
+        loss.start(frame, 0.5)
+        with pytest.raises(ValueError, match="2 frames are under way"):
+            loss.start(frame, 0.5)
+
+    in_context(test)
+
+
+def test_textures_that_cannot_be_read_are_refused():
+    def test(context):
+        small = FrameTexture(context.texture((8, 9), 3, dtype="u1"))
+        with pytest.raises(InputError, match="the texture has 8 x 9 pixels; need 8 x 8"):
+            GpuLoss(context, (8, 8), HEADSET).of(small, 0.5)
+        with pytest.raises(ValueError, match="need a texture of three or more channels"):
+            FrameTexture(context.texture((8, 8), 1, dtype="u1"))
+        with pytest.raises(ValueError, match="got 3 of f2"):
+            FrameTexture(context.texture((8, 8), 3, dtype="f2"))
+        authors = ContrastModel(sensitivity=SensitivityModel.AUTHORS)
+        with pytest.raises(InputError, match="got 'authors'"):
+            GpuLoss(context, (8, 8), HEADSET, authors)
+
+    in_context(test)

@@ -1,22 +1,36 @@
-"""The display model: by hand, and what dimming does and does not scale."""
+"""The display model, and presets that say where their numbers come from."""
 
 import dataclasses
+import math
+import re
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from evenlight.data_schema.contrast_model import PixelToLuminance
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, PixelToLuminance, Visibility
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.quantities import file_key
 from evenlight.method.contrast.luminance import (
     channel_means,
     dimmed_luminance,
     displayed_luminance,
     emitted_luminance,
 )
+from evenlight.method.contrast.measures import MEASURES
+from evenlight.method.preset_files import (
+    PRESETS,
+    load_contrast_model,
+    load_display,
+    load_power_model,
+    load_rate_limit,
+    preset_names,
+)
 
 LAB = Display("lab", peak_luminance=101.0, black_level=1.0, gamma=2.0, pixels_per_degree=60.0)
+
 BRIGHT_ROOM = dataclasses.replace(LAB, reflected_luminance=5.0)
 
 
@@ -68,3 +82,96 @@ def test_undimmed_is_equation_1(value):
     emitted = emitted_luminance(np.full((1, 1, 3), value), BRIGHT_ROOM)
     expected = displayed_luminance(value, BRIGHT_ROOM)
     np.testing.assert_allclose(dimmed_luminance(emitted, 1.0, BRIGHT_ROOM).item(), expected, rtol=1e-12)
+
+
+# --- preset files
+
+
+def test_the_display_is_that_of_the_authors_program() -> None:
+    # vision.md 0.3: gamma 1.95, 0.2 to 104.4 cd/m^2, nothing reflected, at most 36.14 cpd.
+    display = load_display("varjo-xr3")
+    assert (display.gamma, display.black_level, display.peak_luminance) == (1.95, 0.2, 104.4)
+    assert display.reflected_luminance == 0
+    assert display.nyquist_frequency == pytest.approx(36.14)
+
+
+def test_the_power_model_is_the_papers() -> None:
+    model = load_power_model("surace2025")
+    assert (model.power_per_luminance, model.base_power) == (0.001858, 0.2945)
+
+
+def test_the_default_contrast_model_is_the_one_of_the_code() -> None:
+    assert load_contrast_model("default") == DEFAULT_MODEL
+
+
+def test_each_measure_is_a_contrast_model_of_its_name_and_relative_the_default() -> None:
+    assert load_contrast_model("relative") == DEFAULT_MODEL
+    assert set(preset_names("contrast_model")) == {*MEASURES, "default", "as-printed"}
+    assert {name: load_contrast_model(name) for name in MEASURES} == MEASURES
+
+
+def test_as_printed_counts_positive_contrast_alone() -> None:
+    assert load_contrast_model("as-printed").visibility is Visibility.POSITIVE_ONLY
+
+
+def test_the_rate_limit_belongs_to_the_display() -> None:
+    assert load_rate_limit("surace2025").display_fingerprint == load_display("varjo-xr3").fingerprint
+
+
+def test_a_name_that_is_none_is_answered_with_the_known_ones() -> None:
+    with pytest.raises(InputError, match=r"no such contrast model.*did you mean 'as-printed'\?.*default"):
+        load_contrast_model("as_printed")
+
+
+# --- display presets
+
+PRESET = pytest.mark.parametrize("name", preset_names("display"))
+
+# A word that says who measured, published or set a number, or that nobody did.
+SOURCED = re.compile(r"assumed|measured|maker's specification|standard|published|target", re.IGNORECASE)
+
+
+def preset_text(name: str) -> str:
+    """The file of a preset."""
+    return (PRESETS / f"{name}.display.toml").read_text(encoding="utf-8")
+
+
+def test_there_are_presets_for_what_people_have() -> None:
+    wanted = {"laptop-lcd", "desktop-lcd", "phone-oled", "quest-3", "vision-pro", "varjo-xr3"}
+    assert wanted == set(preset_names("display"))
+
+
+@PRESET
+def test_every_number_has_a_source_or_is_assumed(name: str) -> None:
+    numbers = [file_key(f) for f in dataclasses.fields(Display) if "unit" in f.metadata]
+    for key in numbers:
+        line = re.search(rf"(?m)^{key} = [0-9.]+ +# (.+)$", preset_text(name))
+        assert line is not None, key
+        assert SOURCED.search(line.group(1)), line.group()
+    shown = load_display(name)
+    assert shown.name == name
+    assert not shown.measured  # nobody's own display: sessions with people refuse it
+    assert ("assumed" in preset_text(name)) == ("assumed" in shown.source)
+
+
+@PRESET
+def test_pixels_per_degree_are_those_of_size_and_distance(name: str) -> None:
+    """A pixel of p mm at d mm spans p / (2 d tan 0.5°) of a degree."""
+    stated = re.search(
+        r"Geometry: ([0-9.]+) in, (\d+) x (\d+) pixels .*seen from ([0-9.]+) m", preset_text(name)
+    )
+    if stated is None:
+        assert re.search(r"pixels_per_degree = .*# (published|authors' published)", preset_text(name))
+        return
+    inches, across, down, metres = map(float, stated.groups())
+    pitch = 25.4 * inches / math.hypot(across, down)
+    expected = 2 * 1000 * metres * math.tan(math.radians(0.5)) / pitch
+    assert load_display(name).pixels_per_degree == pytest.approx(expected, abs=0.005)
+
+
+@pytest.mark.parametrize(
+    ("name", "contrast"), [("laptop-lcd", 1700), ("desktop-lcd", 1000), ("phone-oled", 2e6)]
+)
+def test_black_is_the_peak_over_the_contrast_stated(name: str, contrast: float) -> None:
+    shown = load_display(name)
+    assert shown.black_level == pytest.approx(shown.peak_luminance / contrast, rel=0.03)  # to four decimals

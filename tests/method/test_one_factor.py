@@ -1,25 +1,41 @@
-"""The loss at one factor: the definition, for every choice of the contrast model."""
+"""The loss at one factor, counted in strips; soft visibility and forms of loss."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from compute_shaders import own_context
+from hard_pictures import frame_of, pictures
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.curve_definition import loss_curves_by_definition
+from evenlight.analysis.tracks.contrast_map_figure import contrast_maps
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
+    ContrastModel,
     LossForm,
     MaskingNeighbourhood,
-    PixelToLuminance,
-    SensitivityModel,
     Visibility,
 )
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.method.contrast import one_factor
-from evenlight.method.contrast.contrast_loss import contrast_loss
-from evenlight.method.contrast.luminance import emitted_luminance
+from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
+from evenlight.data_schema.provenance import sha256_of_bytes
+from evenlight.method.choices import Device
+from evenlight.method.contrast import contrast_loss, critical_factor, one_factor
+from evenlight.method.contrast.csf import contrast_sensitivity
+from evenlight.method.contrast.detection import SLOPE, detection_probability, share_above_threshold
+from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.loss_curves import (
+    brightness_factors,
+    make_frame_analysis,
+)
+from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
+from evenlight.method.contrast.masking import contrast_over_threshold, perceived_contrast
 from evenlight.method.contrast.one_factor import STRIP, OneFactorLoss, counted_rows
+from evenlight.method.gpu.frame_loss import GpuFrameAnalysis
 from evenlight.method.preset_files import load_display
 
 DISPLAY = load_display("varjo-xr3")
@@ -35,58 +51,6 @@ def picture(height: int, width: int, seed: int = 1) -> np.ndarray:
     pixels = np.stack([gray, gray**1.2, 0.8 * gray], axis=2)
     pixels[: height // 3, : width // 3] = 0.3
     return np.asarray((255 * pixels).round(), dtype=np.uint8)
-
-
-def by_definition(pixels: np.ndarray, factor: float, display=DISPLAY, model=DEFAULT_MODEL) -> float:
-    emitted = emitted_luminance(pixels, display, model.pixel_to_luminance)
-    return contrast_loss(emitted, factor, display, model)
-
-
-@pytest.mark.parametrize("size", [(8, 8), (9, 31), (61, 47), (90, 160)])
-@pytest.mark.parametrize("factor", [0.2, 0.47, 1.0])
-def test_it_is_the_definition(size: tuple[int, int], factor: float) -> None:
-    pixels = picture(*size)
-    seen = OneFactorLoss(size, DISPLAY).of(pixels, factor)
-    assert seen.loss == pytest.approx(by_definition(pixels, factor), abs=2e-4)
-    assert seen.mean_luminance == pytest.approx(emitted_luminance(pixels, DISPLAY).mean(), rel=1e-5)
-
-
-@pytest.mark.parametrize(
-    "choice",
-    [
-        {"sensitivity": SensitivityModel.AUTHORS},
-        {"masking": MaskingNeighbourhood.WITHOUT_CENTRE},
-        {"visibility": Visibility.POSITIVE_ONLY},
-        {"pixel_to_luminance": PixelToLuminance.LUMA_FIRST},
-        {"band_count": 2},
-        {"visibility": Visibility.SOFT},
-        {"loss": LossForm.ABSOLUTE},
-        {"loss": LossForm.SUPRATHRESHOLD},
-        {"loss": LossForm.SUPRATHRESHOLD, "visibility": Visibility.POSITIVE_ONLY},
-        {"visibility": Visibility.SOFT, "masking": MaskingNeighbourhood.WITHOUT_CENTRE},
-    ],
-    ids=lambda choice: "-".join(str(getattr(value, "value", value)) for value in choice.values()),
-)
-@pytest.mark.parametrize("reflected", [0.0, 2.0])
-def test_it_is_the_definition_for_every_choice(choice: dict, reflected: float) -> None:
-    model, display = replace(DEFAULT_MODEL, **choice), replace(DISPLAY, reflected_luminance=reflected)
-    pixels = picture(60, 80)
-    seen = OneFactorLoss((60, 80), display, model).of(pixels, 0.35)
-    assert seen.loss == pytest.approx(by_definition(pixels, 0.35, display, model), abs=4e-4)
-
-
-def test_other_pixel_types_give_the_same() -> None:
-    pixels, loss = picture(48, 64), OneFactorLoss((48, 64), DISPLAY)
-    expected = loss.of(pixels, 0.4).loss
-    assert loss.of(pixels.astype(np.uint16) * 257, 0.4).loss == pytest.approx(expected, abs=1e-12)
-    assert loss.of(pixels / 255, 0.4).loss == pytest.approx(expected, abs=2e-3)
-
-
-def test_what_has_no_contrast_loses_none() -> None:
-    gray = np.full((40, 50, 3), 90, np.uint8)
-    assert OneFactorLoss((40, 50), DISPLAY).of(gray, 0.2).loss == 0
-    black = np.zeros((40, 50, 3), np.uint8)
-    assert OneFactorLoss((40, 50), DISPLAY).of(black, 0.2).loss == 0
 
 
 @given(st.integers(1, 400), st.integers(1, 6), st.integers(0, 100))
@@ -154,3 +118,127 @@ def test_what_was_not_asked_for_at_first_is_refused() -> None:
         loss.of(picture(50, 40), 0.5)
     with pytest.raises(InputError, match=r"0\.3 to 1, got 0\.2"):
         loss.of(picture(40, 50), 0.2)
+
+
+# --- soft visibility
+
+HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
+
+BRIGHT_ROOM = replace(HEADSET, reflected_luminance=2.0)
+
+HARD, SOFT = ContrastModel(), ContrastModel(visibility=Visibility.SOFT)
+
+SHOWN = ContrastModel(loss=LossForm.SUPRATHRESHOLD)
+
+FACTORS = brightness_factors(0.2, 7)
+
+SHAPE = (72, 120)
+
+
+def loss_error(picture, display, model, factors=FACTORS):
+    """Largest difference of the one-pass loss from the definition, over the factors."""
+    frame = frame_of(picture)
+    fast = FrameAnalysis(frame.shape[:2], display, model, factors).of(frame).loss
+    emitted = emitted_luminance(frame, display)
+    return np.abs(fast - loss_curves_by_definition(emitted, factors, display, model)).max()
+
+
+def test_the_probability_of_detection_by_hand():
+    # ρ^β is 0, 1, 2, 4: the probability not to detect it is 1, 1/2, 1/4, 1/16.
+    over_threshold = np.array([0.0, 1.0, 2.0, 4.0]) ** (1 / SLOPE)
+    np.testing.assert_allclose(detection_probability(over_threshold), [0, 1 / 2, 3 / 4, 15 / 16])
+
+
+@pytest.mark.parametrize("neighbourhood", MaskingNeighbourhood)
+def test_divided_by_its_contrast_over_threshold_a_pattern_is_just_visible(neighbourhood):
+    band = np.random.default_rng(1).normal(0, 20, (6, 9))
+    over_threshold = contrast_over_threshold(band, neighbourhood)
+    for (i, j), size in np.ndenumerate(over_threshold):
+        just = perceived_contrast(band / size, neighbourhood)[i, j]
+        assert abs(just) == pytest.approx(1, rel=1e-9)
+    visible = np.abs(perceived_contrast(band, neighbourhood)) > 1
+    np.testing.assert_array_equal(over_threshold > 1, visible)
+
+
+def test_no_contrast_is_detected_nowhere_and_shows_nothing():
+    nothing = contrast_over_threshold(np.zeros((5, 5)))
+    assert not detection_probability(nothing).any()
+    assert not share_above_threshold(nothing).any()
+
+
+@pytest.mark.parametrize("display", [HEADSET, BRIGHT_ROOM], ids=["dark room", "bright room"])
+def test_suprathreshold_contrast_is_what_is_physically_there_less_its_threshold(display):
+    emitted = np.random.default_rng(2).uniform(0.2, 100, (16, 16))
+    luminance = dimmed_luminance(emitted, 0.5, display)
+    counted = contrast_loss.counted_map(luminance, display, SHOWN)
+    contrasts = contrast_loss.csf_contrasts(luminance, display, SHOWN)
+    for shown, C, (band, around, S) in zip(
+        counted, contrasts, contrast_loss._bands(luminance, display, SHOWN), strict=True
+    ):
+        threshold = np.abs(C) / contrast_over_threshold(C) / S  # as a contrast |ΔL| / L_a
+        bounded = np.abs(band) <= around - display.reflected_luminance
+        expected = np.maximum(0, np.abs(band) / (around + SHOWN.epsilon) - threshold)
+        np.testing.assert_allclose(shown[bounded], expected[bounded], atol=1e-12)
+        assert shown.max() <= 1
+
+
+def test_forms_of_loss_by_hand():
+    assert contrast_loss.loss_of(0.1, 0.4) == pytest.approx(0.75)
+    assert contrast_loss.loss_of(0.1, 0.4, LossForm.SUPRATHRESHOLD) == pytest.approx(0.75)
+    assert contrast_loss.loss_of(0.1, 0.4, LossForm.ABSOLUTE) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize("picture", ["photograph", "black letters"])
+def test_where_sensitivity_falls_with_luminance_one_pass_still_does(picture, monkeypatch):
+    def falling(f, L, *_):
+        return contrast_sensitivity(f, L) / (1 + np.asarray(L) / 30)
+
+    for module in (critical_factor, contrast_loss):
+        monkeypatch.setattr(module, "contrast_sensitivity", falling)
+    tables = critical_factor.band_tables(SHAPE, 0.2, HEADSET, HARD)
+    assert not any(table.rises for table in tables)
+    # This falls as 1 / L, steeper than any published function.
+    for model, error in (
+        (HARD, 1e-3),
+        (ContrastModel(visibility=Visibility.POSITIVE_ONLY), 1e-3),
+        (SOFT, 2e-3),
+    ):
+        assert loss_error(pictures(SHAPE)[picture], HEADSET, model) < error
+
+
+def test_between_knots_soft_curves_have_no_stairs():
+    """Linear interpolation between the 65 knots, against the definition: a step is one pixel of 30 or so."""
+    frame, knots = frame_of(pictures(SHAPE)["photograph"]), brightness_factors()
+    between = np.sqrt(knots[:-1] * knots[1:])[::8]
+    emitted, errors = emitted_luminance(frame, HEADSET), {}
+    for model in (HARD, SOFT):
+        loss = FrameAnalysis(SHAPE, HEADSET, model, knots).of(frame).loss
+        defined = loss_curves_by_definition(emitted, between, HEADSET, model)
+        errors[model.visibility] = np.abs(np.interp(between, knots, loss) - defined).max()
+    assert errors[Visibility.SOFT] < 2e-4
+    assert errors[Visibility.SOFT] < errors[Visibility.BOTH_POLARITIES] / 3
+
+
+def test_the_graphics_processor_leaves_degrees_of_visibility_to_the_processor():
+    for model, name in ((SOFT, "soft"), (SHOWN, "suprathreshold")):
+        with pytest.raises(InputError, match=f"{name!r}.*use the processor"):
+            GpuFrameAnalysis((16, 16), HEADSET, model, FACTORS, own_context())
+        assert make_frame_analysis((16, 16), HEADSET, model, FACTORS, Device.AUTO).device is Device.CPU
+
+
+def test_a_map_of_lost_contrast_shows_what_is_rather_detected_than_not():
+    frame = frame_of(pictures(SHAPE)["photograph"])
+    hard, soft, shown = (contrast_maps(frame, [(0.3, None)], HEADSET, m)[0] for m in (HARD, SOFT, SHOWN))
+    np.testing.assert_array_equal(soft.lost, hard.lost)
+    assert hard.lost.any()
+    emitted = emitted_luminance(frame, HEADSET)
+    for found, model in ((soft, SOFT), (shown, SHOWN)):
+        assert found.loss == pytest.approx(contrast_loss.contrast_loss(emitted, 0.3, HEADSET, model))
+
+
+def test_curves_of_models_without_the_later_choices_stay_usable():
+    """Their files hold the hash of a model that had no such choices."""
+    later = ("loss", "masking_strength", "threshold")
+    before = {key: value for key, value in mapping_from_record(HARD).items() if key not in later}
+    assert sha256_of_record(HARD) == sha256_of_bytes(json.dumps(before, sort_keys=True).encode())
+    assert len({sha256_of_record(ContrastModel(loss=form)) for form in LossForm}) == len(LossForm)

@@ -1,13 +1,29 @@
-"""The psychometric function: its 75 % point, its inverse, and its likelihood where it saturates."""
+"""The psychometric function, of answers yes or no and of two intervals, and d' of a track."""
 
+import dataclasses
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import special, stats
 
-from evenlight.method.psychometric import PsychometricFunction, log_likelihood, rate_at, yes_probability
+from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.recordings.ramp import Procedure
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
+from evenlight.method.detectability import detectability, function_of, window_ratios
+from evenlight.method.preset_files import load_rate_limit
+from evenlight.method.psychometric import (
+    THRESHOLD_D_PRIME,
+    PsychometricFunction,
+    d_prime,
+    log_likelihood,
+    rate_at,
+    two_interval_function,
+    yes_probability,
+)
 
 functions = st.builds(
     PsychometricFunction,
@@ -98,3 +114,162 @@ def test_a_function_without_a_75_percent_point_is_refused(changed: dict[str, flo
 def test_a_probability_that_is_never_reached_has_no_rate() -> None:
     with pytest.raises(ValueError, match=r"must lie in 0\.1 to 0\.95, got 0\.05"):
         rate_at(0.05, PsychometricFunction(1.0, 1.0, guess_rate=0.1, lapse_rate=0.05))
+
+
+# --- two intervals
+
+YES_NO = PsychometricFunction(3.0, width=1.6, guess_rate=0.07, lapse_rate=0.0)
+
+
+def d_prime_two_intervals(rate: float, yes_no: PsychometricFunction) -> float:
+    """Of somebody without lapses: z(hits) - z(false alarms)."""
+    return float(special.ndtri(yes_probability(rate, yes_no)) - special.ndtri(yes_no.guess_rate))
+
+
+def test_75_percent_of_two_intervals_are_a_d_prime_of_0_954() -> None:
+    assert pytest.approx(0.954, abs=5e-4) == THRESHOLD_D_PRIME  # sqrt(2) z(0.75)
+    two = two_interval_function(YES_NO)
+    assert d_prime_two_intervals(two.threshold, YES_NO) == pytest.approx(THRESHOLD_D_PRIME, abs=1e-9)
+    assert float(yes_probability(two.threshold, two)) == pytest.approx(0.75)
+
+
+@pytest.mark.parametrize(
+    ("false_alarms", "yes"),
+    [(0.01, 0.085), (0.02, 0.136), (0.05, 0.245), (0.10, 0.372), (0.20, 0.545), (0.30, 0.666), (0.50, 0.830)],
+)
+def test_the_share_of_yes_at_the_two_interval_threshold_follows_the_criterion(
+    false_alarms: float, yes: float
+) -> None:
+    # Φ(z(FA) + 0.954): by hand for 10 %: Φ(-1.282 + 0.954) = Φ(-0.328) = 0.372.
+    yes_no = PsychometricFunction(3.0, width=1.6, guess_rate=false_alarms)
+    two = two_interval_function(yes_no)
+    assert float(yes_probability(two.threshold, yes_no)) == pytest.approx(yes, abs=6e-4)
+
+
+def test_near_the_threshold_the_logistic_shape_is_that_of_signal_detection() -> None:
+    # P(right) = Φ(d' / sqrt(2)); the slopes agree at the threshold, and within 25 % of it both to 0.01.
+    two = two_interval_function(YES_NO)
+    for rate in two.threshold * np.array([0.8, 0.9, 1.1, 1.25]):
+        exact = float(special.ndtr(d_prime_two_intervals(float(rate), YES_NO) / np.sqrt(2)))
+        assert float(yes_probability(rate, two)) == pytest.approx(exact, abs=0.01)
+
+
+def test_the_threshold_is_free_of_the_criterion() -> None:
+    # The same d' at every rate of interest, asked with criteria of 2 and 20 % false alarms: yes/no thresholds
+    # that differ by a factor, two-interval thresholds that do not.
+    slope = 2.0  # d' = 1 at rate 1, growing with the logarithm
+
+    def asked(false_alarms: float) -> PsychometricFunction:
+        """The logistic yes/no function through this eye's 50 and 75 % points."""
+        z = special.ndtri(false_alarms)
+        at = [float(np.exp((special.ndtri(p) - z - 1) / slope)) for p in (0.5, 0.75)]
+        probe = PsychometricFunction(at[1], 1.0, false_alarms)
+        width = float(np.log(at[0] / at[1]) / np.log(rate_at(0.5, probe) / at[1]))
+        return PsychometricFunction(at[1], width, false_alarms)
+
+    cautious, eager = asked(0.02), asked(0.2)
+    assert cautious.threshold / eager.threshold > 1.7
+    ratio = two_interval_function(cautious).threshold / two_interval_function(eager).threshold
+    assert ratio == pytest.approx(1.0, abs=0.15)  # the shape is logistic in one, normal in the other
+
+
+def test_lapses_show_half_as_often_and_do_not_change_what_is_seen() -> None:
+    # The same rise F(ln rate), once with lapses of 10 % and once without: the same rate has a d' of 0.954.
+    lapsing = dataclasses.replace(YES_NO, lapse_rate=0.1)
+    attentive = dataclasses.replace(
+        YES_NO, threshold=float(rate_at(0.07 + 0.83 * (0.75 - 0.07) / 0.93, lapsing))
+    )
+    two = two_interval_function(lapsing)
+    assert two.lapse_rate == pytest.approx(0.05)
+    assert two.threshold == pytest.approx(two_interval_function(attentive).threshold)
+
+
+def test_who_never_says_yes_to_nothing_is_taken_for_one_in_a_hundred() -> None:
+    never, seldom = (PsychometricFunction(3.0, 1.6, guess) for guess in (0.0, 0.01))
+    assert two_interval_function(never) == two_interval_function(seldom)
+
+
+# --- detectability
+
+GUESS = float(stats.norm.cdf(-1.0))  # z = -1
+
+KNOWN = RateLimit(
+    "lab", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0), procedure=Procedure.YES_NO,
+    ramp_duration=5.0, width=1.6, guess_rate=GUESS, lapse_rate=0.0,
+)  # fmt: skip
+
+
+def test_a_steady_ramp_at_the_limit_has_the_d_prime_of_the_threshold() -> None:
+    # z(0.75) - z(false alarms) in yes/no; sqrt(2) z(0.75) of two intervals.
+    yes_no = PsychometricFunction(1.0, 1.6, GUESS)
+    assert float(d_prime(1.0, yes_no)) == pytest.approx(0.6744898 + 1.0, abs=1e-6)
+    assert float(d_prime(0.0, yes_no)) == pytest.approx(0.0, abs=1e-12)
+    two = PsychometricFunction(1.0, 1.6, 0.5)
+    assert float(d_prime(1.0, two, two_intervals=True)) == pytest.approx(0.954, abs=1e-3)
+    assert np.isfinite(d_prime(1e12, replace(two, width=0.01), two_intervals=True))
+
+
+def test_who_lapses_has_the_d_prime_of_who_looks() -> None:
+    # F is (0.75 - g) / (1 - g - l) at the threshold; without lapses psi is g + (1 - g) F there.
+    rise = (0.75 - 0.1) / (1 - 0.1 - 0.05)
+    expected = stats.norm.ppf(0.1 + 0.9 * rise) - stats.norm.ppf(0.1)
+    assert float(d_prime(1.0, PsychometricFunction(1.0, 1.6, 0.1, 0.05))) == pytest.approx(expected)
+
+
+def test_windows_are_ramps_by_where_they_get_to() -> None:
+    rising = np.full(100, 0.5)  # 0.1 s each: two windows of 5 s
+    np.testing.assert_allclose(window_ratios(rising, np.full(100, 0.1), 5.0), [0.5, 0.5])
+    there_and_back = np.tile([0.8, -0.8], 50)
+    np.testing.assert_allclose(window_ratios(there_and_back, np.full(100, 0.1), 5.0), 0.0, atol=1e-12)
+    # 7.4 s are one window, 7.6 s two of 3.8 s; a frame may last longer than a window.
+    assert len(window_ratios(np.ones(74), np.full(74, 0.1), 5.0)) == 1
+    assert len(window_ratios(np.ones(76), np.full(76, 0.1), 5.0)) == 2
+    np.testing.assert_allclose(window_ratios(np.array([0.3]), np.array([20.0]), 5.0), 0.3)
+
+
+def test_four_ramps_at_the_limit_are_twice_as_detectable_as_one() -> None:
+    one = detectability(KNOWN, np.ones(50), np.full(50, 0.1))
+    four = detectability(KNOWN, np.ones(200), np.full(200, 0.1))
+    assert one is not None
+    assert four is not None
+    assert (one[1], four[1]) == (1, 4)  # windows
+    assert one[0] == pytest.approx(0.6744898 + 1.0, abs=1e-6)  # d'
+    assert four[0] == pytest.approx(2 * one[0])
+    assert four[2] == pytest.approx(4 * 0.75)  # windows noticed
+    nothing = detectability(KNOWN, np.zeros(200), np.full(200, 0.1))
+    assert nothing is not None
+    assert nothing[0] == pytest.approx(0.0, abs=1e-12)
+    assert nothing[2] == pytest.approx(4 * GUESS)  # false alarms
+
+
+def test_an_ideal_watcher_of_simulated_evidence_does_as_d_prime_says() -> None:
+    # Each window leaves evidence of mean d' and standard deviation 1; "yes" is evidence above the criterion.
+    observer = SimulatedObserver(load_rate_limit("surace2025"), 1.0, {}, 1.6, GUESS, 0.0)
+    function = replace(observer.function_at(40.0), threshold=1.0)
+    assert function == function_of(KNOWN)
+    ratios = np.array([0.0, 0.3, 0.6, 0.9, 0.4])
+    found = detectability(KNOWN, np.repeat(ratios, 50), np.full(250, 0.1))
+    assert found is not None
+    of_track, _, noticed = found
+    rng, n = np.random.default_rng(5), 40_000
+    mean = d_prime(ratios, function)
+    track, still = mean + rng.standard_normal((n, 5)), rng.standard_normal((n, 5))
+    reported = (track > 1.0).sum(axis=1)  # the criterion is -z(guess rate) = 1
+    assert reported.mean() == pytest.approx(noticed, abs=4 * reported.std() / n**0.5)
+    np.testing.assert_allclose((track > 1.0).mean(axis=0), yes_probability(ratios, function), atol=0.01)
+    right = (track @ mean > still @ mean).mean()  # which of two films changed?
+    assert right == pytest.approx(stats.norm.cdf(of_track / 2**0.5), abs=0.01)
+
+
+def test_of_two_intervals_no_criterion_is_known() -> None:
+    two = replace(KNOWN, procedure=Procedure.TWO_INTERVAL, guess_rate=0.5)
+    found = detectability(two, np.ones(50), np.full(50, 0.1))
+    assert found is not None
+    assert found[0] == pytest.approx(0.954, abs=1e-3)
+    assert found[2] is None
+
+
+def test_the_published_limit_does_not_tell() -> None:
+    # The paper prints thresholds, but no slope and no false alarms.
+    assert detectability(load_rate_limit("surace2025"), np.ones(9), np.ones(9)) is None
+    assert detectability(replace(KNOWN, ramp_duration=None), np.ones(9), np.ones(9)) is None

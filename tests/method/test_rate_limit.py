@@ -1,4 +1,4 @@
-"""ΔL(L) inside and outside the measured luminances, in every form."""
+"""The rate of the modulation, and the limit at any luminance."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,13 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.method.choices import LimitCurve
 from evenlight.method.preset_files import load_display, load_rate_limit
-from evenlight.method.rate_limit import rate_limit_at, require_same_display
+from evenlight.method.rate_limit import (
+    allowed_rate,
+    largest_rate_ratio,
+    modulation_rate,
+    rate_limit_at,
+    require_same_display,
+)
 
 
 def test_the_relative_rate_is_held_below_the_measured_luminances() -> None:
@@ -64,3 +70,30 @@ def test_the_same_panel_at_another_distance_keeps_its_limit() -> None:
     panel = load_display("varjo-xr3")
     nearer = Display("x", panel.peak_luminance, panel.black_level, panel.gamma, panel.pixels_per_degree / 2)
     require_same_display(load_rate_limit("surace2025"), nearer)
+
+
+# --- modulation
+
+
+def test_only_the_modulation_counts_not_a_cut_in_the_content() -> None:
+    rate = modulation_rate(np.array([0.5, 0.5]), np.array([1.0, 100.0]), np.array([0.04, 0.04]))
+    assert rate.tolist() == [0.0, 0.0]
+
+
+def test_rate_of_a_step_by_hand() -> None:
+    # The factor rises by 0.1 on frames of 20 and 40 cd/m^2: 0.1 · 30 cd/m^2 within 0.5 s is 6 cd/m^2/s.
+    rate = modulation_rate(np.array([0.4, 0.5]), np.array([20.0, 40.0]), np.array([0.5, 0.1]))
+    assert rate[0] == pytest.approx(6.0)
+
+
+def test_the_lower_limit_of_the_two_ends_counts() -> None:
+    allowed = allowed_rate(np.array([0.5, 1.0]), np.array([10.0, 10.0]), lambda luminance: 0.03 * luminance)
+    assert allowed[0] == pytest.approx(0.03 * 5.0)
+
+
+def test_no_change_is_allowed_even_where_the_limit_is_zero() -> None:
+    assert largest_rate_ratio(np.array([0.0, 0.0]), np.array([0.0, 0.0])) == 0.0
+
+
+def test_a_change_where_the_limit_is_zero_is_infinitely_too_fast() -> None:
+    assert largest_rate_ratio(np.array([1e-9]), np.array([0.0])) == np.inf

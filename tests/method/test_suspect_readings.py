@@ -128,6 +128,7 @@ def test_a_bad_reading_of_a_table_in_ascending_order_takes_no_other_with_it(
         assert np.flatnonzero(found).tolist() == [wrong]
 
 
+@pytest.mark.real_time
 @pytest.mark.parametrize("repeats", [1, 1000])
 def test_20_000_readings_take_little_time_and_memory(repeats: int) -> None:
     # Of each with each, one array alone would have 3 GB.

@@ -149,7 +149,7 @@ def test_gap_stroke_and_diameter_are_right_to_half_a_pixel(context, gap, orienta
 
 @pytest.mark.parametrize(("gap", "orientation", "right", "up"), CASES)
 def test_the_ring_covers_the_solid_angle_of_its_shape(context, gap, orientation, right, up) -> None:
-    """11.55 square gaps (tests/stimuli/test_landolt.py derives the area), and each pixel cos^3 / focal^2."""
+    """11.55 square gaps (tests/stimuli/test_rings.py derives the area), and each pixel cos^3 / focal^2."""
 
     def strip(radius: float) -> float:
         return math.sqrt(radius**2 - 0.25) / 2 + radius**2 * math.asin(0.5 / radius)

@@ -1,4 +1,4 @@
-"""Video files: times, sizes and colours arrive as they were written; noticeable damage is refused."""
+"""Video files and folders of images: times, sizes and colours as written; damage is refused."""
 
 import shutil
 import subprocess
@@ -14,7 +14,9 @@ from av.video.frame import VideoFrame
 
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.image_folder import open_image_folder
 from evenlight.stimuli.video.video_file import open_video_file
+from evenlight.stimuli.video.video_locations import natural_order
 from evenlight.stimuli.video.video_writer import write_video
 
 
@@ -75,11 +77,6 @@ def test_varying_frame_rate_keeps_its_times(tmp_path):
     np.testing.assert_allclose([f.duration for f in frames[:-1]], np.diff(stamps) / 1000)
 
 
-def test_the_first_frame_is_at_zero_wherever_the_file_starts(tmp_path):
-    video = open_video_file(encode(tmp_path / "v.mkv", stamps=range(100, 110)))
-    assert next(video.frames()).time == 0
-
-
 def test_frames_can_be_read_again_and_do_not_share_memory(tmp_path):
     video = open_video_file(encode(tmp_path / "v.mp4", stamps=range(5)))
     first = list(video.frames())
@@ -114,13 +111,6 @@ def test_rotation_in_the_metadata_is_applied(tmp_path):
     # `degrees` is counterclockwise: +90 brings the top left corner to the bottom left, -90 to the top right.
     corner = shown[48:, :8] if degrees == 90 else shown[:16, 24:]
     assert (corner > 240).all()
-
-
-@pytest.mark.parametrize("size", [(8, 8), (9, 11), (17, 64), (161, 23)])
-def test_odd_sizes_come_through_unchanged(tmp_path, size):
-    path = tmp_path / "odd.mkv"
-    write_video(path, [moving_picture(0, size)], 25)
-    np.testing.assert_array_equal(next(open_video_file(path).frames()).pixel_values, moving_picture(0, size))
 
 
 def test_memory_does_not_grow_with_the_length(tmp_path):
@@ -278,3 +268,244 @@ def test_frames_that_an_edit_list_cuts_away_are_not_missed(tmp_path):
     subprocess.run(["ffmpeg", "-v", "error", "-ss", "0.4", "-i", whole, "-c", "copy", cut], check=True)
     video = open_video_file(cut)
     assert video.n_frames == len(list(video.frames())) == 20
+
+
+# --- video writer
+
+
+def noise(kind, size=(33, 17), frames=4):
+    """Return frames that use every bit of their type."""
+    top = np.iinfo(kind).max
+    rng = np.random.default_rng(5)
+    return [rng.integers(0, top, (size[1], size[0], 3), endpoint=True).astype(kind) for _ in range(frames)]
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16])
+def test_frames_come_back_bit_by_bit(tmp_path, kind):
+    written = noise(kind)
+    assert write_video(tmp_path / "a.mkv", iter(written), 25) == 4
+    for frame, pixels in zip(open_video(str(tmp_path / "a.mkv")).frames(), written, strict=True):
+        assert frame.pixel_values.dtype == kind
+        np.testing.assert_array_equal(frame.pixel_values, pixels)
+
+
+@pytest.mark.parametrize("bits", [10, 12])
+def test_values_on_the_grid_of_fewer_bits_come_back_bit_by_bit(tmp_path, bits):
+    top = 2**bits - 1
+    # A value on the grid is the 16-bit code next to k/top of the full range.
+    codes = np.rint(np.arange(top + 1) * (65535 / top)).astype(np.uint16)
+    picture = np.resize(codes, (64, 64, 3))
+    write_video(tmp_path / "a.mkv", [picture], 25, bits=bits)
+    (frame,) = open_video(str(tmp_path / "a.mkv")).frames()
+    np.testing.assert_array_equal(frame.pixel_values, picture)
+
+
+@pytest.mark.parametrize("rate", [25, 23.976, 29.97, 12.5, 60])
+def test_the_times_come_back_exactly(tmp_path, rate):
+    write_video(tmp_path / "a.mkv", noise(np.uint8, frames=30), rate)
+    exact = {23.976: 24000 / 1001, 29.97: 30000 / 1001}.get(rate, rate)
+    times = [frame.time for frame in open_video(str(tmp_path / "a.mkv")).frames()]
+    np.testing.assert_allclose(times, np.arange(30) / exact, rtol=0, atol=1e-12)
+
+
+def test_the_same_frames_make_the_same_file(tmp_path):
+    for name in ("a.mkv", "b.mkv"):
+        write_video(tmp_path / name, noise(np.uint16), 25)
+    assert (tmp_path / "a.mkv").read_bytes() == (tmp_path / "b.mkv").read_bytes()
+
+
+def test_a_failure_on_the_way_leaves_nothing_and_keeps_what_was_there(tmp_path):
+    (tmp_path / "a.mkv").write_bytes(b"before")
+
+    def breaking():
+        yield from noise(np.uint8)
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        write_video(tmp_path / "a.mkv", breaking(), 25)
+    assert [p.name for p in tmp_path.iterdir()] == ["a.mkv"]
+    assert (tmp_path / "a.mkv").read_bytes() == b"before"
+
+
+def test_no_frames_make_no_file(tmp_path):
+    with pytest.raises(InputError, match="no frames"):
+        write_video(tmp_path / "a.mkv", [], 25)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_of_another_size_are_a_mistake(tmp_path):
+    with pytest.raises(ValueError, match="need frames of shape"):
+        write_video(tmp_path / "a.mkv", [*noise(np.uint8), *noise(np.uint8, size=(8, 8))], 25)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_16_bit_frames_are_not_cut_to_8(tmp_path):
+    with pytest.raises(ValueError, match="need uint8 for 8 bits"):
+        write_video(tmp_path / "a.mkv", noise(np.uint16), 25, bits=8)
+
+
+def test_other_suffixes_are_refused(tmp_path):
+    with pytest.raises(InputError, match=r"ends in \.mkv"):
+        write_video(tmp_path / "a.mp4", noise(np.uint8), 25)
+
+
+def test_a_place_that_cannot_be_written_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match="cannot write"):
+        write_video(tmp_path / "file" / "a.mkv", noise(np.uint8), 25)
+
+
+# --- image folder
+
+
+def picture(seed=0, size=(24, 16), kind=np.uint8):
+    """Return an image of random pixels."""
+    top = np.iinfo(kind).max
+    return np.random.default_rng(seed).integers(0, top, (size[1], size[0], 3), endpoint=True).astype(kind)
+
+
+CODECS = {".png": "png", ".bmp": "bmp", ".tif": "tiff", ".jpg": "mjpeg", ".jpeg": "mjpeg", ".webp": "libwebp"}
+
+
+def save(path, pixels, pixel_format=None):
+    """Write an image with FFmpeg, in a pixel format of choice."""
+    deep = pixels.dtype == np.uint16
+    wanted = pixel_format or ("rgb48be" if deep else "bgr24" if path.suffix == ".bmp" else "rgb24")
+    with av.open(str(path), "w", format="image2", options={"update": "1"}) as container:
+        stream = container.add_stream(CODECS[path.suffix.lower()], rate=1)
+        stream.height, stream.width = pixels.shape[:2]
+        stream.pix_fmt = wanted
+        frame = VideoFrame.from_ndarray(pixels, "rgb48le" if deep else "rgb24").reformat(format=wanted)
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode())
+
+
+def test_frames_come_in_the_natural_order_of_their_names(tmp_path):
+    for number in (1, 2, 10, 11, 100):
+        save(tmp_path / f"frame{number}.png", np.full((8, 8, 3), number, np.uint8))
+    frames = list(open_video(str(tmp_path)).frames())
+    assert [f.pixel_values[0, 0, 0] for f in frames] == [1, 2, 10, 11, 100]
+
+
+def test_natural_order_counts_numbers_wherever_they_stand():
+    names = ["b1", "a10b2", "a2b10", "a2b9", "A3", "a02"]
+    assert sorted(names, key=natural_order) == ["a02", "a2b9", "a2b10", "A3", "a10b2", "b1"]
+
+
+@pytest.mark.parametrize(
+    ("suffix", "kind"), [("png", np.uint8), ("bmp", np.uint8), ("tif", np.uint8), ("png", np.uint16)]
+)
+def test_lossless_images_come_through_unchanged(tmp_path, suffix, kind):
+    save(tmp_path / f"a.{suffix}", picture(kind=kind))
+    (frame,) = open_video(str(tmp_path)).frames()
+    assert frame.pixel_values.dtype == kind
+    np.testing.assert_array_equal(frame.pixel_values, picture(kind=kind))
+
+
+@pytest.mark.parametrize("suffix", ["jpg", "JPEG", "webp"])
+def test_lossy_images_are_close_to_what_was_saved(tmp_path, suffix):
+    gradient = np.broadcast_to(
+        np.linspace(30, 220, 64, dtype=np.uint8)[:, np.newaxis, np.newaxis], (64, 64, 3)
+    )
+    path = tmp_path / f"a.{suffix}"
+    save(path, np.ascontiguousarray(gradient), "yuv420p" if suffix == "webp" else "yuvj420p")
+    (frame,) = open_video(str(tmp_path)).frames()
+    assert np.abs(frame.pixel_values.astype(int) - gradient).max() <= 8
+
+
+def test_gray_images_are_gray_in_all_channels(tmp_path):
+    gray = picture()[..., 0]
+    VideoFrame.from_ndarray(gray, "gray").save(tmp_path / "a.png")
+    (frame,) = open_video(str(tmp_path)).frames()
+    np.testing.assert_array_equal(frame.pixel_values, np.repeat(gray[..., np.newaxis], 3, axis=-1))
+
+
+@pytest.mark.parametrize("kind", [np.float64, np.float32, np.uint8, np.uint16, ">u2"])
+def test_arrays_come_through_unchanged(tmp_path, kind):
+    pixels = np.random.default_rng(1).random((9, 11, 3)) if "f" in np.dtype(kind).kind else picture()
+    np.save(tmp_path / "a.npy", pixels.astype(kind))
+    (frame,) = open_video(str(tmp_path)).frames()
+    np.testing.assert_array_equal(frame.pixel_values, pixels.astype(kind))
+    assert frame.pixel_values.dtype == np.dtype(kind).newbyteorder("=")
+
+
+def test_other_files_are_passed_over_and_do_not_change_the_hash(tmp_path):
+    save(tmp_path / "a.png", picture())
+    before = open_image_folder(tmp_path).sha256()
+    (tmp_path / "notes.txt").write_text("notes")
+    (tmp_path / ".hidden.png").write_bytes(b"")
+    folder = open_image_folder(tmp_path)
+    assert (folder.n_frames, folder.sha256()) == (1, before)
+    save(tmp_path / "a.png", picture(seed=1))
+    assert open_image_folder(tmp_path).sha256() != before
+
+
+@pytest.mark.parametrize(("asked", "rate"), [(None, 25), (12.5, 12.5), (29.97, 30000 / 1001)])
+def test_images_follow_at_the_rate_that_was_asked_for(tmp_path, asked, rate):
+    for k in range(3):
+        save(tmp_path / f"{k}.png", picture(k))
+    frames = list(open_video(str(tmp_path), fps=asked).frames())
+    np.testing.assert_allclose([f.time for f in frames], np.arange(3) / rate, rtol=1e-12)
+    np.testing.assert_allclose([f.duration for f in frames], 1 / rate, rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("rate", "says"),
+    [
+        (0.0, "need a frame rate"),
+        (-5.0, "need a frame rate"),
+        (float("nan"), "fps must be a number, got nan"),
+    ],
+)
+def test_an_impossible_frame_rate_is_refused(tmp_path, rate, says):
+    save(tmp_path / "a.png", picture())
+    with pytest.raises(InputError, match=says):
+        open_video(str(tmp_path), fps=rate)
+
+
+def test_a_folder_without_images_is_refused(tmp_path):
+    (tmp_path / "notes.txt").write_text("notes")
+    with pytest.raises(InputError, match=r"holds no images; give one with \.png"):
+        open_video(str(tmp_path))
+
+
+def test_images_of_different_sizes_are_refused(tmp_path):
+    save(tmp_path / "1.png", picture())
+    save(tmp_path / "2.png", picture(size=(16, 24)))
+    with pytest.raises(InputError, match=r"2\.png is 16x24, the images before it are 24x16"):
+        list(open_video(str(tmp_path)).frames())
+
+
+@pytest.mark.parametrize("content", [b"", b"no image at all", None])
+def test_an_unreadable_image_is_refused(tmp_path, content, capfd):
+    save(tmp_path / "1.png", picture())
+    whole = (tmp_path / "1.png").read_bytes()
+    (tmp_path / "2.png").write_bytes(whole[: len(whole) // 2] if content is None else content)
+    with pytest.raises(InputError, match=r"2\.png.*replace this image") as caught:
+        list(open_video(str(tmp_path)).frames())
+    assert "\n" not in str(caught.value)
+    assert capfd.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    ("pixels", "message"),
+    [
+        (np.full((4, 4, 3), np.nan), "not finite"),
+        (np.full((4, 4, 3), np.inf), "not finite"),
+        (np.full((4, 4, 3), 1.5), "from 1.5 to 1.5"),
+        (np.full((4, 4, 3), -0.25), "from -0.25 to -0.25"),
+        (np.zeros((4, 4, 3), np.int64), "holds int64"),
+        (np.zeros((4, 4, 4)), r"shape \(4, 4, 4\)"),
+        (np.zeros((0, 4, 3)), r"shape \(0, 4, 3\)"),
+    ],
+)
+def test_arrays_that_are_no_pixel_values_are_refused(tmp_path, pixels, message):
+    np.save(tmp_path / "bad.npy", pixels)
+    with pytest.raises(InputError, match=rf"bad\.npy.*{message}"):
+        list(open_video(str(tmp_path)).frames())
+
+
+def test_pickled_arrays_are_refused(tmp_path):
+    np.save(tmp_path / "bad.npy", np.array([{}]), allow_pickle=True)
+    with pytest.raises(InputError, match=r"cannot read the array .*bad\.npy"):
+        list(open_video(str(tmp_path)).frames())

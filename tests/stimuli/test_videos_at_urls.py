@@ -1,7 +1,11 @@
-"""Videos at URLs: the same results as of the local file, read in parts, refused in one line."""
+"""Videos at places: local or at URLs, the same results, read in parts, refused in one line."""
 
+from __future__ import annotations
+
+import os
 import pickle
 import re
+import sys
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -19,9 +23,151 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequences import open_video, open_videos
 from evenlight.stimuli.video import video_locations
+from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
+from evenlight.stimuli.video.video_file import open_video_file
+from evenlight.stimuli.video.video_locations import file_state, shown_name, videos_at
+
+FILES = ("b10.mkv", "b2.MKV", "notes.txt", ".hidden.mkv", "more/a film.mp4", "more/c.odd", ".kept/d.mp4")
+
+FILMS = ["b2.MKV", "b10.mkv", "more/a film.mp4"]
+
+
+@pytest.fixture
+def films(tmp_path: Path) -> Path:
+    """A folder with three films and what is none."""
+    for name in FILES:
+        (tmp_path / "films" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "films" / name).write_bytes(b"content of " + name.encode())
+    return tmp_path / "films"
+
+
+@pytest.fixture
+def server(films: Path) -> Iterator[LoopbackServer]:
+    with served(films.parent) as server:
+        yield server
+
+
+@pytest.fixture
+def memory() -> Iterator[str]:
+    """The same folder in fsspec's memory."""
+    files = fsspec.filesystem("memory")
+    for name in FILES:
+        files.pipe(f"/films/{name}", b"content of " + name.encode())
+    yield "memory://films"
+    files.rm("/films", recursive=True)
+
+
+@pytest.fixture(params=["path", "file", "memory", "http"])
+def place(request: pytest.FixtureRequest, films: Path) -> str:
+    """The folder, by each kind of name."""
+    if request.param == "path":
+        return str(films)
+    if request.param == "file":
+        return films.as_uri()
+    if request.param == "memory":
+        return str(request.getfixturevalue("memory"))
+    return str(request.getfixturevalue("server").url) + "/films"
+
+
+def ends(names: list[str]) -> list[str]:
+    """Return what is below the folder, as people read it."""
+    return [name.rpartition("films/")[2].replace("%20", " ") for name in names]
+
+
+@pytest.mark.parametrize(
+    ("below", "found"),
+    [
+        ("", FILMS),
+        ("/", FILMS),
+        ("/*", FILMS[:2]),
+        ("/**/*", FILMS),
+        ("/*.mkv", ["b10.mkv"]),
+        ("/**/*.odd", ["more/c.odd"]),
+        ("/b[0-9]*", FILMS[:2]),
+        ("/notes.txt", ["notes.txt"]),
+    ],
+)
+def test_folders_globs_and_files_are_alike_everywhere(place: str, below: str, found: list[str]) -> None:
+    assert sorted(ends(videos_at(place + below))) == sorted(found)
+
+
+def test_what_is_found_has_its_natural_order_and_names_the_place_as_it_was_named(place: str) -> None:
+    names = videos_at(place)
+    assert [name for name in ends(names) if name in FILMS[:2]] == FILMS[:2]
+    assert all(name.startswith(place.removeprefix("file://")) for name in names)
+
+
+@pytest.mark.parametrize("below", ["/none", "/none/", "/*.ogv", "/notes/*", "/.kept/none.mp4"])
+def test_where_there_is_none_it_is_said_in_a_line(place: str, below: str) -> None:
+    with pytest.raises(InputError, match=r"no such file|no videos|404") as refused:
+        videos_at(place + below)
+    assert "\n" not in str(refused.value)
+
+
+def test_a_folder_without_videos_says_what_was_looked_for(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"there are no videos; looked for files that end in \.mp4 \.mkv"):
+        videos_at(str(tmp_path))
+
+
+def test_a_file_whose_name_looks_like_a_glob_is_that_file(tmp_path: Path) -> None:
+    (tmp_path / "film[1].mkv").touch()
+    assert videos_at(str(tmp_path / "film[1].mkv")) == [str(tmp_path / "film[1].mkv")]
+
+
+def test_the_state_of_a_file_changes_with_its_content(place: str, films: Path) -> None:
+    name = place + "/b10.mkv"
+    before = file_state(name)
+    assert before is not None
+    assert file_state(name) == before
+    (films / "b10.mkv").write_bytes(b"other")
+    os.utime(films / "b10.mkv", (1e9, 1e9))
+    fsspec.filesystem("memory").pipe("/films/b10.mkv", b"other")
+    assert file_state(name) not in (None, before)
+
+
+def test_where_nothing_tells_there_is_no_state(place: str) -> None:
+    assert file_state(place + "/none.mkv") is None
+    assert file_state("sunrise") is None
+
+
+def test_a_server_that_is_not_there_is_named(server: LoopbackServer) -> None:
+    server.server_close()
+    with pytest.raises(InputError, match=r"cannot read http://127\.0\.0\.1:\d+/films/: nobody answers"):
+        videos_at(f"{server.url}/films/")
+
+
+def test_a_protocol_that_is_unknown_or_needs_a_package_is_named() -> None:
+    with pytest.raises(InputError, match="cannot read odd://films: Protocol not known: odd"):
+        videos_at("odd://films")
+    with pytest.raises(InputError, match=r"^cannot read s3://bucket/films: Install s3fs to access S3$"):
+        videos_at("s3://bucket/films")
+
+
+def test_without_the_extra_it_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "fsspec", None)
+    with pytest.raises(InputError, match=r"need an extra: pip install 'evenlight\[cluster\]'"):
+        videos_at("https://host/films")
+
+
+@pytest.mark.parametrize(
+    ("name", "shown"),
+    [
+        ("https://me:pa@ss@host/a@b.mp4?X-Amz-Signature=1&b=2#c", "https://host/a@b.mp4"),
+        ("simplecache::https://me:word@host/film.mp4?sig=1", "simplecache::https://host/film.mp4"),
+        ("s3://bucket/film.mp4", "s3://bucket/film.mp4"),
+        ("https://host/film.mp4?sig=a::b:c", "https://host/film.mp4"),
+        ("what? #1.mp4", "what? #1.mp4"),
+    ],
+)
+def test_names_are_shown_without_secrets(name: str, shown: str) -> None:
+    assert shown_name(name) == shown
+
+
+# --- videos at urls
 
 OPTIONS = ("--budget", 0.5, "--display", "laptop-lcd", "--other-display-ok")
+
 SECRET = "X-Amz-Signature=Hidden2"
 
 
@@ -32,15 +178,15 @@ def clip(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.fixture
-def server(clip: Path) -> Iterator[LoopbackServer]:
-    with served(clip.parent) as server:
-        yield server
+def film_server(clip: Path) -> Iterator[LoopbackServer]:
+    with served(clip.parent) as film_server:
+        yield film_server
 
 
 @pytest.fixture
-def film(server: LoopbackServer) -> str:
+def film(film_server: LoopbackServer) -> str:
     """The clip at a URL with a password and a signature."""
-    return f"{server.url.replace('//', '//me:Hidden1@')}/a%20clip.mkv?{SECRET}"
+    return f"{film_server.url.replace('//', '//me:Hidden1@')}/a%20clip.mkv?{SECRET}"
 
 
 def at_urls(clip: Path, film: str) -> list[str]:
@@ -130,15 +276,15 @@ def noise(path: Path, codec: str, n_frames: int) -> Path:
 def test_a_frame_far_into_a_film_takes_a_few_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video_locations, "BLOCK", 1 << 16)
     path = noise(tmp_path / "long.mkv", "rawvideo", 200)
-    with served(tmp_path) as server:
-        film = open_video(f"{server.url}/long.mkv")
+    with served(tmp_path) as film_server:
+        film = open_video(f"{film_server.url}/long.mkv")
         size = path.stat().st_size
         assert film.sha256() == sha256_of_file(path)
-        assert size <= server.sent < 1.1 * size  # once, for the times of the frames and the hash
-        server.sent = 0
+        assert size <= film_server.sent < 1.1 * size  # once, for the times of the frames and the hash
+        film_server.sent = 0
         wanted = [20, 100, 180]
         there = [frame.pixel_values.tobytes() for frame in film.frames_at(wanted)]
-        assert server.sent < 3 * 6 * (1 << 16)
+        assert film_server.sent < 3 * 6 * (1 << 16)
         assert there == [frame.pixel_values.tobytes() for frame in open_video(str(path)).frames_at(wanted)]
 
 
@@ -158,28 +304,28 @@ def test_only_those_without_a_frame_rate_take_one(clip: Path, film: str) -> None
     assert [video.n_frames for video in open_videos([film, "checkerboard"], 10.0)] == [10, 200]
 
 
-def test_what_is_not_there_or_not_ours_is_said(server: LoopbackServer, film: str) -> None:
-    assert "no_film.mkv: the server says 404" in refusal(f"{server.url}/no_film.mkv?{SECRET}")
-    server.forbidden = True
+def test_what_is_not_there_or_not_ours_is_said(film_server: LoopbackServer, film: str) -> None:
+    assert "no_film.mkv: the server says 404" in refusal(f"{film_server.url}/no_film.mkv?{SECRET}")
+    film_server.forbidden = True
     assert "a%20clip.mkv: the server says 403" in refusal(film)
     assert "no such file" in refusal("memory://nowhere.mkv")
 
 
 def test_a_server_that_sends_no_parts_is_refused(
-    tmp_path: Path, server: LoopbackServer, film: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, film_server: LoopbackServer, film: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    server.parts = False
+    film_server.parts = False
     monkeypatch.setattr(video_locations, "BLOCK", 1 << 12)
     assert "range requests" in refusal(film)
 
 
 @pytest.mark.parametrize("begun", [False, True])
 def test_a_server_that_goes_away_is_said(
-    server: LoopbackServer, film: str, monkeypatch: pytest.MonkeyPatch, begun: bool
+    film_server: LoopbackServer, film: str, monkeypatch: pytest.MonkeyPatch, begun: bool
 ) -> None:
     monkeypatch.setattr(video_locations, "BLOCK", 1 << 12)
     there = open_video(film) if begun else None
-    server.most = server.sent + 3000
+    film_server.most = film_server.sent + 3000
     if there is None:
         line = refusal(film)
     else:
@@ -200,7 +346,7 @@ def test_files_that_shrink_while_they_are_read_are_noticed() -> None:
             stream.read(1000)
 
 
-def test_what_holds_no_video_is_said(server: LoopbackServer, clip: Path) -> None:
+def test_what_holds_no_video_is_said(film_server: LoopbackServer, clip: Path) -> None:
     files = fsspec.filesystem("memory")
     for name, content in {"notes.mp4": b"nothing", "empty.mp4": b"", "folder/a.mkv": b"a"}.items():
         files.pipe(f"/none/{name}", content)
@@ -208,7 +354,7 @@ def test_what_holds_no_video_is_said(server: LoopbackServer, clip: Path) -> None
     assert "is empty" in refusal("memory://none/empty.mp4")
     assert "is a folder" in refusal("memory://none/folder")
     (clip.parent / "empty.mp4").touch()
-    assert "is empty" in refusal(f"{server.url}/empty.mp4")
+    assert "is empty" in refusal(f"{film_server.url}/empty.mp4")
 
 
 def test_a_playlist_from_elsewhere_opens_no_file_here(tmp_path: Path) -> None:
@@ -216,3 +362,108 @@ def test_a_playlist_from_elsewhere_opens_no_file_here(tmp_path: Path) -> None:
     lines = ["#EXTM3U", "#EXT-X-TARGETDURATION:2", "#EXTINF:2,", str(part), "#EXT-X-ENDLIST"]
     fsspec.filesystem("memory").pipe("/list.m3u8", "\n".join(lines).encode())
     assert "finds no video in memory://list.m3u8" in refusal("memory://list.m3u8")
+
+
+# --- film bytes
+
+CONTENT = bytes(range(256)) * 400
+
+
+def noise_film(path: Path, codec: str) -> Path:
+    """Write a film of moving noise."""
+    noise = np.random.default_rng(1).integers(0, 256, (180, 160), np.uint8)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream(codec, rate=25)
+        stream.width, stream.height, stream.pix_fmt = 160, 120, "yuv420p"
+        for k in range(60):
+            picture = av.VideoFrame.from_ndarray(np.roll(noise, k, axis=1), "yuv420p")
+            container.mux(stream.encode(picture))
+        container.mux(stream.encode())
+    return path
+
+
+@pytest.fixture
+def read(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many bytes each call read."""
+    counts: list[int] = []
+    read = FilmBytes.read
+
+    def counted(self: FilmBytes, size: int) -> bytes:
+        content = read(self, size)
+        counts.append(len(content))
+        return content
+
+    monkeypatch.setattr(FilmBytes, "read", counted)
+    return counts
+
+
+@pytest.fixture
+def some(tmp_path: Path) -> Path:
+    path = tmp_path / "some.bin"
+    path.write_bytes(CONTENT)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "codec"),
+    [("index at the end.mp4", "libx264"), ("a.mov", "mpeg4"), ("a.mkv", "ffv1"), ("a.avi", "mpeg4")],
+)
+def test_packets_and_hash_take_one_reading(tmp_path: Path, read: list[int], name: str, codec: str) -> None:
+    path = noise_film(tmp_path / name, codec)
+    opened, size = open_video_file(path), path.stat().st_size
+    assert opened.n_frames == 60
+    assert opened.sha256() == sha256_of_file(path)
+    assert size <= sum(read) < 1.1 * size + 2**16
+
+
+@pytest.mark.parametrize(
+    "places", [(), (0, 100_000), (90_000, 0, 50_000), (50_000, 90_000), (10, 0, 10, 0, 102_000, 102_399)]
+)
+def test_the_hash_is_that_of_the_file_in_whatever_order_it_is_read(
+    some: Path, read: list[int], places: tuple[int, ...]
+) -> None:
+    with FilmBytes(some) as stream:
+        for place in places:
+            assert stream.seek(place) == place
+            assert stream.read(30_000) == CONTENT[place : place + 30_000]
+        assert stream.sha256() == sha256_of_file(some)
+
+
+def test_what_was_read_in_its_order_is_not_read_again_for_the_hash(some: Path, read: list[int]) -> None:
+    with FilmBytes(some) as stream:
+        while stream.read(1000):
+            pass
+        assert sum(read) == len(CONTENT)
+        stream.sha256()
+        assert sum(read) == len(CONTENT)
+
+
+def test_a_playlist_here_opens_what_it_names_beside_it(tmp_path: Path) -> None:
+    noise_film(tmp_path / "part.ts", "mpeg2video")
+    lines = ["#EXTM3U", "#EXT-X-TARGETDURATION:3", "#EXTINF:2.4,", "part.ts", "#EXT-X-ENDLIST"]
+    (tmp_path / "list.m3u8").write_text("\n".join(lines))
+    assert open_video_file(tmp_path / "list.m3u8").n_frames == 60
+
+
+def test_a_file_that_shrinks_is_said_to_end(some: Path) -> None:
+    with FilmBytes(some) as stream:
+        os.truncate(some, 1000)
+        stream.seek(2000)
+        with pytest.raises(
+            InputError, match=rf"^cannot read .*: it ends at byte 2000 of {len(CONTENT)}; give"
+        ):
+            stream.read(10)
+
+
+def test_what_is_known_of_a_films_pictures_is_sought_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sought = []
+    amid_for = PixelReader._amid_for
+    monkeypatch.setattr(
+        PixelReader, "_amid_for", lambda self, frame: (sought.append(1), amid_for(self, frame))[1]
+    )
+    opened = open_video_file(noise_film(tmp_path / "a.mp4", "mpeg4"))
+    first, again = ([frame.pixel_values.tobytes() for frame in opened.frames()] for _ in range(2))
+    assert first == again
+    assert sought == [1]
