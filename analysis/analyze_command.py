@@ -53,7 +53,7 @@ def analyze(
 
     for name in task or ():
         if name not in TASKS:
-            raise InputError(f"--task must be one of {', '.join(TASKS)}, got {name!r}")
+            raise InputError(f"task must be one of {', '.join(TASKS)}, got {name!r}")
     require_apart(out, dataset)
     options = AnalysisOptions(
         seed=seed,

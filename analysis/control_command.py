@@ -54,7 +54,7 @@ def _job(asked: ControlledOptions, on: DimmedOn) -> ControlJob:
     asked.check_analysis()
     settings = asked.settings(on.min_factor)
     if asked.budget is None and asked.horizon is not None:  # a loop in Python judges its gain over it
-        raise InputError("--horizon is for --budget, which is not given")
+        raise InputError("`horizon` is for `budget`, which is not given")
     display, request = asked.posed(on, asked.curves)
     effort = AnalysisEffort()
     if asked.curves is None:

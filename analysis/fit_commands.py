@@ -101,7 +101,7 @@ def fit(
             typer.echo("\n".join(said))
         return
     if power_model is not None:
-        raise InputError("--power-model is for a folder of measured power (`evenlight measure played`)")
+        raise InputError("`power_model` is for a folder of measured power (`evenlight measure played`)")
     options = RateLimitOptions(
         form=form,
         degree=degree,

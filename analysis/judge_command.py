@@ -51,11 +51,11 @@ def judge(
     from evenlight.stimuli.dimmed.matched_track import display_of
     from evenlight.stimuli.sequences import open_video
 
-    whole("--jobs", jobs)
+    whole("jobs", jobs)
     names = tuple(dict.fromkeys(MEASURES if measures is None else names_in(measures)))
     for name in names:
         if name not in MEASURES:
-            raise InputError(must_be_one_of("--measures", name, MEASURES))
+            raise InputError(must_be_one_of("measures", name, MEASURES))
     loaded = load_track(track)
     found = judge_track(
         open_video(video, fps),

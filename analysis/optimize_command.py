@@ -25,7 +25,7 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     wanted.check()
     display, request = wanted.posed()
     if wanted.curves is not None and wanted.others:
-        raise InputError("--curves holds the loss curves of one video; leave it out where --with adds others")
+        raise InputError("`curves` holds the loss curves of one video; leave it out where `others` adds some")
     source, *others = open_videos([one.video, *(map(str, wanted.others or ()))], wanted.fps)
     job = replace(wanted, others=None).job(source, display, request)
     effort = wanted.effort(display, job.model, one.quiet)

@@ -6,6 +6,7 @@ import dataclasses
 import difflib
 import enum
 import json
+import re
 import types
 import typing
 from collections.abc import Hashable, Iterable, Iterator, Mapping
@@ -70,7 +71,7 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
         For a missing, unknown or ill-typed key, a value outside its limits, or a newer schema.
     """
     if not isinstance(data, Mapping):
-        raise InputError(f"{where}: expected the keys of a {cls.__name__}, got {shown(data)}")
+        raise InputError(f"{where}: expected the keys of a {words_of(cls)}, got {shown(data)}")
     refuse_newer_schema(data, where)
     fields, required = keys_of(cls)
     for key in data:
@@ -78,7 +79,7 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
             raise InputError(f"{where}: {unknown_key(key, fields)}")
     for key in required:
         if key not in data:
-            raise InputError(f"{where}: the key {key!r} of a {cls.__name__} is missing")
+            raise InputError(f"{where}: the key {key!r} of a {words_of(cls)} is missing")
     parts = types_in(cls, data)
     values = {name: data[key] for key, name in fields.items() if key in data}
     for key, name in _inner_records(cls):
@@ -91,6 +92,11 @@ def record_from_mapping(cls: type[Record], data: object, where: str) -> Record:
         return made
     except ValueError as error:
         raise InputError(f"{where}: {told_of_file(error)}") from None
+
+
+def words_of(cls: type[Any]) -> str:
+    """Return what a record is called in messages: `RateLimit` is a rate limit."""
+    return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
 
 
 def problems_in(cls: type[Any], data: object, place: Place = ()) -> Iterator[tuple[Place, str]]:

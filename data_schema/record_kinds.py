@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import enum
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
@@ -17,6 +16,7 @@ from evenlight.data_schema.analysis_results import (
 )
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import words_of
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.headset import HeadsetLog
@@ -108,7 +108,7 @@ class RecordKind:
     @property
     def words(self) -> str:
         """Its name in words."""
-        return re.sub(r"(?<!^)(?=[A-Z])", " ", self.record.__name__).lower()
+        return words_of(self.record)
 
     @property
     def file_names(self) -> tuple[str, ...]:

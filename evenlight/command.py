@@ -12,6 +12,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from inspect import signature
 from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
@@ -42,12 +43,13 @@ from evenlight.hardware.protocols import InstrumentError
 from evenlight.help_pages import HelpfulCommand, HelpfulGroup
 from evenlight.option_panels import GONE, RIGHT_NAMES, declared_by_name
 from evenlight.registered_tasks import load_tasks
-from evenlight.result_requests import recorded
+from evenlight.result_requests import kinds_in_file, problems_in, recorded, told_as_given
 from evenlight.stimuli import apply_command, track_command
 from evenlight.stimuli import commands as stimuli_commands
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
+    from evenlight.data_schema.result_request import ResultRequest
 
 app = typer.Typer(name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
 
@@ -93,6 +95,13 @@ def _display(name_or_path: str) -> Display:
     return load_display(name_or_path)
 
 
+def _request_problems(request: ResultRequest) -> Iterator[tuple[str, str]]:
+    """Yield the keys of a request that cannot be, and what is wrong."""
+    mounted = next(group[request.command] for group in COMMANDS.values() if request.command in group)
+    command = typer.main.get_command(app).commands[request.command]  # type: ignore[attr-defined] # of a group
+    return problems_in(request, command, kinds_in_file(signature(mounted, eval_str=True)))
+
+
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
     """Return a command, declared in full, that refuses numbers with which nothing can be computed."""
 
@@ -105,6 +114,14 @@ def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
 
     checked.__signature__ = declared_by_name(command)  # type: ignore[attr-defined] # which Typer reads
     return checked
+
+
+class _Command(HelpfulCommand):
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except InputError as error:
+            raise InputError(told_as_given(str(error), ctx)) from error
 
 
 # The groups of `evenlight --help`, in the order of `help_pages.GROUPS`; what is used most comes first.
@@ -135,7 +152,7 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
         "reproduce": reproduce_command.reproduce,
     },
     "Files": {
-        "validate": validate_command.validate,
+        "validate": validate_command.validate_command(_request_problems),
         "import": import_command.import_command(_display),
         "export": export_command.export,
         "bench": bench_command.bench,
@@ -153,7 +170,7 @@ for level in (app, *(group.typer_instance for group in app.registered_groups)):
     assert level is not None
     for one in level.registered_commands:
         assert one.callback is not None
-        one.callback, one.cls = guarded(one.callback), HelpfulCommand
+        one.callback, one.cls = guarded(one.callback), _Command
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -199,7 +216,9 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 def _refuse_empty(arguments: Sequence[str]) -> None:
-    """Refuse an empty name: as a path it would stand for the current folder."""
+    """Refuse an empty name, which as a path would stand for the current folder; and two requests."""
+    if sum(word.partition("=")[0] == "--request" for word in arguments) > 1:
+        raise InputError("--request is given twice; give one, and beside it what is to differ")
     for before, word in itertools.pairwise(["", *arguments]):
         option, equals, value = word.partition("=")
         if not word or (equals and not value and option.startswith("--")):

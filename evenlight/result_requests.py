@@ -10,17 +10,20 @@ import enum
 import functools
 import re
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from inspect import Parameter, signature
+from inspect import Parameter, Signature, signature
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, get_args, get_origin
+from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
 import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.option_panels import GONE, RIGHT_NAMES
+
+if TYPE_CHECKING:
+    from evenlight.data_schema.result_request import ResultRequest
 
 NOT_ASKED = ("request", "quiet")  # of no influence on a result
 
@@ -38,20 +41,26 @@ def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def noted(context: typer.Context | None = None, request: Path | None = None, **given: Any) -> None:
-        inputs = _inputs(name, given)  # as they are before the work
+        from evenlight.stimuli.video.film_bytes import READ_FILMS
+
+        READ_FILMS.clear()
+        file = None if request is None else _file_of(request)
+        earlier = {} if file is None else _read(file).provenance.inputs
+        before, ended = _inputs_before(name, given), None
         try:
             command(**given)
-        except InputError as error:
-            if context is None or request is None:
-                raise
-            raise InputError(_told_of_file(str(error), request, context)) from None
-        except typer.Exit:  # with results, though not all that was asked
-            write_request(given["out"], name, given, inputs)
-            raise
-        write_request(given["out"], name, given, inputs)
+        except typer.Exit as error:  # with results, though not all that was asked
+            ended = error
+        inputs = {_plain(of): sha256 or _sha256_of_film(of) for of, sha256 in before.items()}
+        write_request(given["out"], name, given, inputs, [] if context is None else context.command.params)
+        for of, sha256 in earlier.items():
+            if inputs.get(of, sha256) not in ("", sha256):
+                print(f"evenlight: note: {of} is not as it was when {file} was written", file=sys.stderr)
+        if ended is not None:
+            raise ended
 
     declared = signature(command, eval_str=True)
-    kinds = {name: _kind_in_file(one) for name, one in declared.parameters.items()}
+    kinds = kinds_in_file(declared)
 
     def ask_again(context: typer.Context, value: Path | None) -> Path | None:
         if value is not None and not context.resilient_parsing:
@@ -92,8 +101,12 @@ def _with_its_opposite(declared: Parameter) -> Any:
     return Annotated[bool, option]
 
 
+def kinds_in_file(declared: Signature) -> dict[str, Any]:
+    """Return the types that the options of a command have in a file, by their names."""
+    return {name: _kind_in_file(one) for name, one in declared.parameters.items()}
+
+
 def _kind_in_file(declared: Parameter) -> Any:
-    """Return the type of an option as a file has it."""
     kind = (get_args(declared.annotation) or [declared.annotation])[0]
     parts = get_args(kind) if get_origin(kind) is UnionType else (kind,)
     if list[str] in parts:
@@ -101,28 +114,46 @@ def _kind_in_file(declared: Parameter) -> Any:
     return str if Path in parts else next((part for part in parts if part is not NoneType), kind)
 
 
-def _asked_in(file: Path, context: typer.Context, kinds: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what a file asks, which stands for what the command line leaves out."""
-    from evenlight.data_schema.provenance import sha256_of_file
+def _read(file: Path) -> ResultRequest:
     from evenlight.data_schema.result_request import ResultRequest
     from evenlight.data_schema.storage.text_files import read_toml_record
 
-    request = read_toml_record(ResultRequest, file)
+    return read_toml_record(ResultRequest, file)
+
+
+def _asked_in(file: Path, context: typer.Context, kinds: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what a file asks, which stands for what the command line leaves out."""
+    request, options = _read(file), _options_by_key(context.command)
     if request.command != context.info_name:
         raise InputError(f"{file}: is of `evenlight {request.command}`; give it to that command")
-    options = {key: one for key, one in _options_by_key(context).items() if key not in NOT_ASKED}
-    for key in request.asked:
-        if key not in options:
-            raise InputError(f"{file}: asked: {_unknown(key, options)}")
-    given = {
-        options[key].name: _value_of(told, options[key], kinds[options[key].name], f"{file}: asked: {key}")
-        for key, told in request.asked.items()
+    for _, problem in problems_in(request, context.command, kinds):
+        raise InputError(f"{file}: asked: {problem}")
+    return {
+        options[key].name: _value_of(key, told, options[key], kinds) for key, told in request.asked.items()
     }
-    for of, sha256 in request.provenance.inputs.items():
-        with suppress(InputError):
-            if Path(of).exists() and sha256_of_file(Path(of)) != sha256:
-                print(f"evenlight: note: {of} is not as it was when {file} was written", file=sys.stderr)
-    return given
+
+
+def problems_in(request: ResultRequest, command: Any, kinds: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield the keys of a request that its command has no option for, or no such value, and what is wrong.
+
+    Parameters
+    ----------
+    request : ResultRequest
+        The request.
+    command : click.Command
+        Its command.
+    kinds : mapping of str to type
+        From `kinds_in_file`.
+    """
+    options = _options_by_key(command)
+    for key, told in request.asked.items():
+        if key not in options:
+            yield key, _unknown(key, options)
+            continue
+        try:
+            _value_of(key, told, options[key], kinds)
+        except InputError as error:
+            yield key, str(error)
 
 
 def _file_of(named: Path) -> Path:
@@ -135,8 +166,9 @@ def _file_of(named: Path) -> Path:
     return named / REQUEST if named.is_dir() else named
 
 
-def _options_by_key(context: typer.Context) -> dict[str, Any]:
-    return {one.name.strip("_"): one for one in context.command.params if one.name}
+def _options_by_key(command: Any) -> dict[str, Any]:
+    named = {one.name.strip("_"): one for one in command.params if one.name}
+    return {key: one for key, one in named.items() if key not in NOT_ASKED}
 
 
 def _unknown(key: str, options: Mapping[str, Any]) -> str:
@@ -151,32 +183,50 @@ def _unknown(key: str, options: Mapping[str, Any]) -> str:
     return f"unknown key {key!r}; it is called {right!r}" if right else unknown_key(key, options)
 
 
-def _value_of(told: Any, option: Any, kind: Any, where: str) -> Any:
+def _value_of(key: str, told: Any, option: Any, kinds: Mapping[str, Any]) -> Any:
     """Return the value of a key as its option takes it; refuse one of another kind, or out of its range."""
     from evenlight.data_schema.arguments import number
     from evenlight.data_schema.quantities import require_computable, typed
 
-    require_computable(where, told)
-    value = typed(kind, told, where)
+    require_computable(key, told)
+    value = typed(kinds[option.name], told, key)
     if isinstance(value, enum.Enum | tuple):
         return list(value) if isinstance(value, tuple) else value.value
     if getattr(option, "min", None) is not None:
-        number(where, value, option.min, option.max)
+        number(key, value, option.min, option.max)
     return value
 
 
-def _told_of_file(words: str, request: Path, context: typer.Context) -> str:
-    """Return what is wrong with what was asked: options that a file gives by their keys in it."""
-    file, given = _file_of(request), context.default_map or {}
-    options = {key: one for key, one in _options_by_key(context).items() if _is_of_file(one, context)}
-    keys = {flag: key for key, one in options.items() for flag in (*one.opts, *one.secondary_opts)}
-    if words.startswith(tuple(keys)):
-        told = re.sub(r"--[a-z][a-z-]*", lambda found: keys.get(found[0], found[0]), words)
-        return f"{file}: asked: {told}"
-    values = [value for one in options.values() for value in _listed(given[one.name])]
+def told_as_given(words: str, context: typer.Context) -> str:
+    """Return what is wrong with the arguments of a command, as who gave them knows them.
+
+    A message names an argument as Python does, in backticks or as "calm must ...": on the command line it is
+    an option, in the file of `--request` a key.
+    """
+    options = _options_by_key(context.command)
+    file = context.params.get("request")
+
+    def named(found: re.Match[str]) -> str:
+        option = options.get(found[1] or found[2])
+        if option is None:
+            return found[0]
+        if option.param_type_name == "argument" or _is_of_file(option, context):
+            return str(option.name)
+        return next((flag for flag in option.opts if flag.startswith("--")), found[0])
+
+    told = re.sub(r"^([a-z_]+)(?= must )|`([a-z_]+)`", named, words)
+    if file is None:
+        return told
+    first = options.get(told.partition(" ")[0])
+    if first is not None and _is_of_file(first, context):
+        return f"{_file_of(file)}: asked: {told}"
+    given = context.default_map or {}
+    values = [
+        value for one in options.values() if _is_of_file(one, context) for value in _listed(given[one.name])
+    ]
     if any(isinstance(value, str) and repr(value) in words for value in values):
-        return f"{words} (asked in {file}; names in it are from the folder where its command ran)"
-    return words
+        return f"{told} (asked in {_file_of(file)}; names in it are from the folder where its command ran)"
+    return told
 
 
 def _listed(value: Any) -> list[Any]:
@@ -187,7 +237,9 @@ def _is_of_file(option: Any, context: typer.Context) -> bool:
     return getattr(context.get_parameter_source(option.name), "name", "") == "DEFAULT_MAP"
 
 
-def write_request(folder: Path, name: str, given: Mapping[str, Any], inputs: Mapping[str, str]) -> None:
+def write_request(
+    folder: Path, name: str, given: Mapping[str, Any], inputs: Mapping[str, str], options: Sequence[Any] = ()
+) -> None:
     """Write what was asked of a command into a folder of its results.
 
     Parameters
@@ -200,6 +252,8 @@ def write_request(folder: Path, name: str, given: Mapping[str, Any], inputs: Map
         Options and arguments by name.
     inputs : mapping
         SHA-256 of what was named, by name.
+    options : sequence
+        Those of the command: what holds for one that was not given is told in a comment.
     """
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.data_schema.result_request import REQUEST, ResultRequest
@@ -208,28 +262,67 @@ def write_request(folder: Path, name: str, given: Mapping[str, Any], inputs: Map
     told = {key.strip("_"): _plain(value) for key, value in given.items() if key not in NOT_ASKED}
     asked = {key: value for key, value in told.items() if value not in (None, ())}
     origin = provenance_now(
-        seed=given.get("seed"), inputs={_plain(file): sha256 for file, sha256 in inputs.items()}
+        seed=given.get("seed"), inputs={_plain(file): sha256 for file, sha256 in inputs.items() if sha256}
     )
-    write_toml_record(folder / REQUEST, ResultRequest(name, origin, asked))
+    left = {one.name.strip("_"): _otherwise(one) for one in options if told.get(one.name.strip("_")) is None}
+    notes = [f"{key}: not given; {what}" for key, what in left.items() if what and key not in NOT_ASKED]
+    write_toml_record(folder / REQUEST, ResultRequest(name, origin, asked), notes)
+    for url in (one for value in given.values() for one in _listed(value)):
+        if isinstance(url, str) and _plain(url) != url:
+            print(
+                f"evenlight: note: {folder / REQUEST} leaves out what may be secret of {_plain(url)}: give "
+                "the whole URL beside --request",
+                file=sys.stderr,
+            )
 
 
-def _inputs(name: str, given: Mapping[str, Any]) -> dict[str, str]:
-    """Return the SHA-256 of what is named, a folder that results are to lie in excepted."""
+def _otherwise(option: Any) -> str:
+    """Return what holds where an option is not given, as its help has it; nothing where nothing does."""
+    if isinstance(option.show_default, str):
+        return str(option.show_default)
+    found = re.search(r"Otherwise ([^.]*(?:\.\S[^.]*)*)", getattr(option, "help", None) or "")
+    return " ".join(found[1].split()) if found else ""
+
+
+def _inputs_before(name: str, given: Mapping[str, Any]) -> dict[str, str]:
+    """Return the SHA-256 of what is named, a folder that results are to lie in excepted.
+
+    That of a film is empty: who reads it hashes it, and it is not read twice.
+    """
     from evenlight.data_schema.provenance import sha256_of_file
+    from evenlight.stimuli.video.video_locations import VIDEO_ENDINGS, is_url, local_name
 
     named = [
-        Path(one)
+        str(one)
         for key, value in given.items()
         for one in _listed(value)
         if key not in (*NOT_ASKED, "out") and isinstance(one, str | Path)
     ]
     inputs, out = {}, Path(given["out"]).resolve()
-    for path in named:
+    for one in named:
+        path = Path(local_name(one))
         with suppress(InputError, OSError):  # it is no name of a file, or the command says what is wrong
+            if is_url(local_name(one)) or (path.suffix.lower() in VIDEO_ENDINGS and path.is_file()):
+                inputs[one] = ""
+                continue
             folder = path.is_dir() and name != "catalogue" and not out.is_relative_to(path.resolve())
             if path.is_file() or folder:
-                inputs[str(path)] = sha256_of_file(path)
+                inputs[one] = sha256_of_file(path)
     return inputs
+
+
+def _sha256_of_film(name: str) -> str:
+    """Return the SHA-256 of a film that a command has read; nothing of one at a URL that it has not."""
+    from evenlight.data_schema.provenance import sha256_of_file
+    from evenlight.stimuli.video.film_bytes import READ_FILMS
+    from evenlight.stimuli.video.video_locations import is_url, local_name
+
+    name = local_name(name)
+    if is_url(name):
+        return READ_FILMS.get(name, "")
+    with suppress(InputError):  # it went meanwhile
+        return READ_FILMS.get(str(Path(name))) or sha256_of_file(Path(name))
+    return ""
 
 
 def _plain(value: Any) -> Any:

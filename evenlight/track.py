@@ -190,11 +190,6 @@ def load(folder: Named) -> Track:
     )
 
 
-class _RequestInPython(TrackRequest):
-    def named(self, name: str) -> str:
-        return name  # of a keyword, not of an option
-
-
 @takes_fields_of(TrackRequest)
 def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str, Any]) -> Track:
     """Return the brightness track of a video under a power budget (Eq. 6).
@@ -219,7 +214,7 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
         If something cannot be used: the message names it and says what would be right.
     """
     known = video if isinstance(video, LossCurves) else None
-    asked = _RequestInPython(**request)
+    asked = TrackRequest(**request)
     if known is not None:
         asked = _of_curves(asked, known)
     asked.check()
@@ -232,7 +227,7 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
     return replace(first, others=tuple(others))
 
 
-def _of_curves(asked: _RequestInPython, known: LossCurves) -> _RequestInPython:
+def _of_curves(asked: TrackRequest, known: LossCurves) -> TrackRequest:
     """Return what is asked of loss curves; what they were made with cannot be asked again."""
     require_possible_curves(known)
     lowest = float(known.factors[0])

@@ -86,12 +86,12 @@ def require_same_display(limit: RateLimit, display: Display) -> None:
     """
     if not limit.holds_for(display):
         same_name = " of other photometry" if limit.display_name == display.name else ""
-        missing = "" if limit.display else "name the display that it was fitted on (--display), "
+        missing = "" if limit.display else "name the display that it was fitted on (`display`), "
         raise InputError(
             f"the rate limit {limit.name!r} was fitted on the display {limit.display_name!r}{same_name}, "
             f"not on {display.name!r}: {missing}measure a limit on {display.name!r} (`evenlight run ramp`, "
-            "then `evenlight fit`) and give it with --rate-limit, or borrow this one, unproven there, with "
-            "--other-display-ok (in Python other_display_ok=True)"
+            "then `evenlight fit`) and give it as `rate_limit`, or borrow this one, unproven there, "
+            "with `other_display_ok`"
         )
 
 
@@ -112,12 +112,12 @@ def require_known(limit: RateLimit, accept_wide_band: bool = False) -> None:
         ...
     evenlight.data_schema.errors.InputError: the rate limit 'r' is not known well enough: at 9 cd/m^2 its \
 95 % pointwise band reaches from 0.1 to 1 cd/m^2/s, a ratio of 10; at most 4 is of use; measure more \
-participants, or accept that (--accept-wide-band, in Python accept_wide_band=True)
+participants, or accept that (`accept_wide_band`)
     """
     if limit.wide_band and not accept_wide_band:
         raise InputError(
             f"the rate limit {limit.name!r} is not known well enough: {limit.wide_band}; measure more "
-            "participants, or accept that (--accept-wide-band, in Python accept_wide_band=True)"
+            "participants, or accept that (`accept_wide_band`)"
         )
 
 

@@ -99,7 +99,7 @@ def require_letters(text: str, font: Path | None) -> None:
             lacking = "which DejaVu Sans lacks" if font is None else f"which {font} and DejaVu Sans lack"
             raise InputError(
                 f"the page {quoted} has {letter!r} (U+{ord(letter):04X}, {name}), {lacking}: give a font "
-                "file that has it with --font"
+                "file that has it as `font`"
             )
     if _is_shaped(text) and not _can_shape():
         raise InputError(

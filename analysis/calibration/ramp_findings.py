@@ -165,6 +165,6 @@ def _what_is_wrong(calibration: Calibration) -> tuple[KeyFigure, ...]:
 
 
 def _remedy(calibration: Calibration) -> str:
-    """Return the option that keeps the curve from falling, which the joint model alone has."""
+    """Return what keeps the curve from falling, which the joint model alone can."""
     joint = calibration.models.chosen is RateLimitModel.JOINT
-    return "--monotone" if joint else "--model joint --monotone"
+    return "a monotone curve" if joint else "a monotone curve of the joint model"

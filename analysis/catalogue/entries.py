@@ -135,7 +135,7 @@ def _own(table: Path, where: str, entry: Mapping[str, str], asked: TrackRequest)
     of_row = replace(asked, **own)
     try:
         WantedOfAll.check(of_row)
-        positive(of_row.named("budget"), of_row.budget)
+        positive("budget", of_row.budget)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return of_row

@@ -159,7 +159,7 @@ def _works(
 def _done(quick: bool, folder: Path, work: Callable[[], Any]) -> Any:
     """Do a piece of work, in whatever process: figures are marked as here, files go to the same folder."""
     if not folder.is_dir():
-        raise InputError(f"a worker does not see {folder}; --out must be a folder that all workers share")
+        raise InputError(f"a worker does not see {folder}; `out` must be a folder that all workers share")
     with marked_figures(QUICK_MARK if quick else ""):
         return work()
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from evenlight.analysis.tracks.dimming_options import Dimmed, option
+from evenlight.analysis.tracks.dimming_options import Dimmed
 from evenlight.data_schema.arguments import number
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
@@ -43,10 +43,6 @@ class Steered(AimOptions):
         ),
     ] = None
 
-    def named(self, name: str) -> str:
-        """Return what a field is called in messages."""
-        return option(name)
-
     def settings(self, min_factor: float) -> ControllerSettings:
         """Return target, gains and bounds of the controller; refuse what does not go together."""
         from evenlight.method.online.controller import ControllerSettings
@@ -54,11 +50,11 @@ class Steered(AimOptions):
         from evenlight.method.online.lookahead import LOOKAHEADS
 
         if self.target_loss is None and self.budget is None:
-            target, budget = self.named("target_loss"), self.named("budget")
-            raise InputError(f"give {target}, the contrast loss to hold, or {budget}, which it is to follow")
+            raise InputError(
+                "give `target_loss`, the contrast loss to hold, or `budget`, which it is to follow"
+            )
         if self.budget is None and self.budget_unit is not None:
-            unit, budget = self.named("budget_unit"), self.named("budget")
-            raise InputError(f"{unit} is for {budget}, which is not given")
+            raise InputError("`budget_unit` is for `budget`, which is not given")
         bounds = {
             "target_loss": (0.0, 1.0),
             "start_factor": (min_factor, 1.0),
@@ -68,11 +64,12 @@ class Steered(AimOptions):
         }
         for name, ends in bounds.items():
             if (value := getattr(self, name)) is not None:
-                number(self.named(name), value, *ends)
+                number(name, value, *ends)
         gains = self.gains
         if self.lookahead is not None and gains:
-            gain, lookahead = self.named(next(iter(gains))), self.named("lookahead")
-            raise InputError(f"{gain} is for the PID controller; {lookahead} does without: leave one")
+            raise InputError(
+                f"`{next(iter(gains))}` is for the PID controller; `lookahead` does without: leave one"
+            )
         return ControllerSettings(self.target_loss or 0.0, lowest_factor=min_factor, **gains)
 
     def posed(self, on: Dimmed, curves: File | None = None) -> tuple[Display, Request]:
@@ -116,7 +113,3 @@ class LoopRequest(Dimmed, Steered):
     fps: Annotated[
         float, viewing(help="Frames per second of the loop, where `step` is not told how long a frame lasts.")
     ] = 60.0
-
-    def named(self, name: str) -> str:
-        """Return what a field is called in messages: it is a keyword."""
-        return name

@@ -139,7 +139,7 @@ class _ControlledVideo:
         without = self.beside_constant(self.run(None))[1].ratio
         if without is not None and ratio is not None and without < ratio:
             yield (
-                f"without --lookahead the loss varies {without:.2f} times as much as with constant dimming "
+                f"without a look ahead the loss varies {without:.2f} times as much as with constant dimming "
                 f"by the mean factor, with it {ratio:.2f} times"
             )
 

@@ -37,11 +37,6 @@ if TYPE_CHECKING:
     from evenlight.stimuli.video.video_source import VideoSource
 
 
-def option(name: str) -> str:
-    """Return what a field is called in messages of the command line."""
-    return "--with" if name == "others" else f"--{name.replace('_', '-')}"
-
-
 def path_of(file: File | None) -> Path | None:
     """Return the path of a file that is given by its name."""
     return None if file is None else Path(file)
@@ -74,22 +69,18 @@ class Dimmed(WithinLimit, OnDisplay):
     ] = None
     fps: FpsOption = None
 
-    def named(self, name: str) -> str:
-        """Return what a field is called in messages."""
-        return option(name)
-
     def check(self) -> None:
         """Refuse, in one line, what no video can be dimmed with."""
         from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 
         for one in fields(self):
             if isinstance(one.default, bool):
-                flag(self.named(one.name), getattr(self, one.name))
-        number(self.named("min_factor"), self.min_factor, *MIN_FACTORS)
+                flag(one.name, getattr(self, one.name))
+        number("min_factor", self.min_factor, *MIN_FACTORS)
         if self.fps is not None:
-            number(self.named("fps"), self.fps)
+            number("fps", self.fps)
         if self.field_of_view is not None:
-            number(self.named("field_of_view"), self.field_of_view, NARROWEST, WIDEST)
+            number("field_of_view", self.field_of_view, NARROWEST, WIDEST)
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, which has to be one that may be used on the display."""
@@ -159,7 +150,7 @@ class DimmedOn(Dimmed):
         """Refuse, in one line, what no video can be dimmed with."""
         super().check()
         if self.battery_wh is not None:
-            number(self.named("battery_wh"), self.battery_wh, *BATTERIES)
+            number("battery_wh", self.battery_wh, *BATTERIES)
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, for frames or white screens, and for a battery."""

@@ -186,12 +186,12 @@ def _require_same_source(job: OptimizationJob, curves: LossCurves, geometry: Vie
     elif inputs.get("contrast_model") != sha256_of_record(job.model):
         why = "made with another contrast model than the one asked for"
     elif curves.actuator is not job.actuator:
-        why = f"of a video dimmed by {curves.actuator.value}, asked is --actuator {job.actuator.value}"
+        why = f"of a video dimmed by {curves.actuator.value}, asked is `actuator` {job.actuator.value}"
     elif (made.fingerprint, made.pixels_per_degree) != (asked.fingerprint, asked.pixels_per_degree):
         at = geometry_words(curves.field_of_view, made.pixels_per_degree)
         why = (
-            f"made for {made.name!r} {at}, asked is {asked.name!r} {geometry}; leave out --display and "
-            "--field-of-view, or give the same again"
+            f"made for {made.name!r} {at}, asked is {asked.name!r} {geometry}; leave out `display` and "
+            "`field_of_view`, or give the same again"
         )
     if why:
         raise InputError(f"the curves {job.curves}: {why}")

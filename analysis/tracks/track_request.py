@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.analysis.tracks.dimming_options import DimmedOn, option, path_of
+from evenlight.analysis.tracks.dimming_options import DimmedOn, path_of
 from evenlight.data_schema.arguments import choice, number, path, whole
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
@@ -40,8 +40,6 @@ from evenlight.stimuli.dimming_options import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from evenlight.analysis.tracks.optimization_job import OptimizationJob
     from evenlight.data_schema.contrast_model import ContrastModel
     from evenlight.data_schema.display import Display
@@ -97,9 +95,9 @@ class WantedOfAll(DimmedOn, Wanted):
     def check(self) -> None:
         """Refuse, in one line, what no video can be dimmed with."""
         super().check()
-        number(self.named("calm"), self.calm, 0.0, 1.0)
+        number("calm", self.calm, 0.0, 1.0)
         if self.level_weight is not None:
-            number(self.named("level_weight"), self.level_weight)
+            number("level_weight", self.level_weight)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,12 +111,11 @@ class Analysed:
     jobs: JobsOption = 1
     device: Annotated[Member[Device], device_option] = Device.CPU
 
-    def check_analysis(self, named: Callable[[str], str] = option) -> None:
+    def check_analysis(self) -> None:
         """Refuse, in one line, how no video can be analysed."""
-        usual = whole(named("jobs"), self.jobs) == 1 and choice("device", self.device, Device) is Device.CPU
+        usual = whole("jobs", self.jobs) == 1 and choice("device", self.device, Device) is Device.CPU
         if self.curves is not None and not usual:
-            jobs, device, curves = map(named, ("jobs", "device", "curves"))
-            raise InputError(f"{jobs} and {device} are for computing loss curves, which {curves} gives")
+            raise InputError("`jobs` and `device` are for computing loss curves, which `curves` gives")
 
     def effort(self, display: Display, model: ContrastModel, quiet: bool) -> AnalysisEffort:
         """Return what computes loss curves, and say why it is not the graphics processor.
@@ -192,7 +189,7 @@ class TrackRequest(Analysed, WantedOfAll):
     def check(self) -> None:
         """Refuse, in one line, what is out of its range, what is not there, what does not go together."""
         super().check()
-        self.check_analysis(self.named)
+        self.check_analysis()
         self._check_kinds()
         given = {
             "curves": self.curves,
@@ -202,36 +199,31 @@ class TrackRequest(Analysed, WantedOfAll):
             "contrast_model": not isinstance(self.contrast_model, str) or self.contrast_model != "default",
             "objective": choice("objective", self.objective, ObjectiveName) is not ObjectiveName.SPREAD,
         }
-        refused = [self.named(name) for name, is_given in given.items() if is_given]
+        refused = ", ".join(f"`{name}`" for name, is_given in given.items() if is_given)
         if self.robust_measures and refused:
-            raise InputError(
-                f"{self.named('robust')} analyses one video by each measure; leave out {', '.join(refused)}"
-            )
-        whole(self.named("seed"), self.seed)
+            raise InputError(f"`robust` analyses one video by each measure; leave out {refused}")
+        whole("seed", self.seed)
         for name, expected in EXPECTED_FILES.items():
             file = getattr(self, name)
             if file is not None and not Path(file).exists():
-                raise InputError(f"{self.named(name)} {file}: no such file; give {expected}")
+                raise InputError(f"`{name}` {file}: no such file; give {expected}")
         solver = choice("solver", self.solver, SolverName)
         if self.start is not None and solver is not SolverName.SPLITTING:
-            start, splitting = self.named("start"), self.named("solver") + " splitting"
-            raise InputError(f"{start} is for {splitting}; {solver.value} starts on its own")
+            raise InputError(f"`start` is for `solver` splitting; {solver.value} starts on its own")
 
     def _check_kinds(self) -> None:
         """Refuse what only a program can give: files that are no names, one video for several."""
         for name in ("curves", *EXPECTED_FILES):
             if (value := getattr(self, name)) is not None:
-                path(self.named(name), value)
+                path(name, value)
         if isinstance(self.others, str | PathLike) or not isinstance(self.others, Sequence | None):
-            raise InputError(f"{self.named('others')} must be a list of videos, got {self.others!r}")
+            raise InputError(f"others must be a list of videos, got {self.others!r}")
 
     @property
     def robust_measures(self) -> tuple[str, ...]:
         """The measures of a robust track, none if it is not one."""
         if self.measures is not None and not self.robust:
-            raise InputError(
-                f"{self.named('measures')} {self.measures} is for {self.named('robust')}, which is missing"
-            )
+            raise InputError(f"`measures` {self.measures} is for `robust`, which is missing")
         if not self.robust:
             return ()
         if self.measures is None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -11,17 +12,33 @@ from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
     from evenlight.data_schema.checking.file_checks import CheckedFile
+    from evenlight.data_schema.result_request import ResultRequest
 
 MOST_SHOWN = 20  # problems of one file, files not checked: a thousand of the same do not help
 
 
-def validate(
-    path: Annotated[Path, typer.Argument(help="A data set, a folder of results, or a single file.")],
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print only the problems.")] = False,
+def validate_command(
+    problems_of: Callable[[ResultRequest], Iterable[tuple[str, str]]],
+) -> Callable[..., None]:
+    """Return the command, with what knows the options of others: keys of a request, and what is wrong."""
+
+    def validate(
+        path: Annotated[Path, typer.Argument(help="A data set, a folder of results, or a single file.")],
+        quiet: Annotated[bool, typer.Option("--quiet", help="Print only the problems.")] = False,
+    ) -> None:
+        """Check data sets, results, rigs and displays for mistakes. It ends with 1 if there are any."""
+        _validate(path, quiet, problems_of)
+
+    return validate
+
+
+def _validate(
+    path: Path, quiet: bool, problems_of: Callable[[ResultRequest], Iterable[tuple[str, str]]]
 ) -> None:
-    """Check data sets, results, rigs and displays for mistakes. It ends with 1 if there are any."""
     from evenlight.data_schema.checking.validation import KNOWN
     from evenlight.data_schema.checking.validation import validate as checked_files
+    from evenlight.data_schema.result_request import ResultRequest
+    from evenlight.data_schema.storage.text_files import read_text, toml_line_numbers
 
     ok, wrong, problems = 0, 0, 0
     unknown = []
@@ -29,6 +46,10 @@ def validate(
         if not checked.words:
             unknown.append(f"not checked  {checked.path}")
             continue
+        if isinstance(checked.record, ResultRequest):
+            lines = toml_line_numbers(read_text(checked.path, checked.words))
+            for key, problem in problems_of(checked.record):
+                checked.blame(f"asked: {problem}", lines.get(("asked", key), 0))
         ok, wrong = (ok, wrong + 1) if checked.problems else (ok + 1, wrong)
         problems += len(checked.problems)
         _show(checked, quiet)

@@ -65,7 +65,7 @@ def new_dataset(dataset: Path) -> Iterator[Path]:
     InputError
         If there is something at that place already: data are never overwritten.
     """
-    there = f"{dataset}: is there already and data are never overwritten; give a new folder with --out"
+    there = f"{dataset}: is there already and data are never overwritten; give a new folder as `out`"
     if dataset.exists() and not dataset.is_dir():
         raise InputError(there)
     with results_folder(dataset) as staging:  # which clears what a killed run left
@@ -127,7 +127,7 @@ def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterato
         if not (dataset / DESCRIPTION).exists():
             if any(path.name != DATASET_LOCK for path in dataset.iterdir()):
                 raise InputError(
-                    f"{dataset}: holds other things than a data set; give a new or empty folder with --out"
+                    f"{dataset}: holds other things than a data set; give a new or empty folder as `out`"
                 )
             write_description(dataset, "Evenlight sessions", simulated, provenance)
         _refuse_other_kind(dataset, simulated)
@@ -158,7 +158,7 @@ def _refuse_other_kind(dataset: Path, simulated: bool) -> None:
         kinds = {True: "simulated", False: "recorded"}
         raise InputError(
             f"{dataset}: holds {kinds[there]} sessions, this one is {kinds[simulated]}; "
-            "keep them in two data sets, and give another folder with --out"
+            "keep them in two data sets, and give another folder as `out`"
         )
 
 
@@ -294,6 +294,6 @@ def held_lock(path: Path, busy: str, longest_wait: float = 0.0) -> FileLock:
     except (OSError, NotImplementedError) as error:  # the latter of a file system without locks
         reason = getattr(error, "strerror", None) or error
         raise InputError(
-            f"cannot write to the folder {path.parent}: {reason}; choose another with --out"
+            f"cannot write to the folder {path.parent}: {reason}; choose another as `out`"
         ) from error
     return lock

@@ -49,7 +49,7 @@ class AppendLog:
         except OSError as error:
             raise InputError(
                 f"cannot write {self.path}: {error.strerror or error}; what was recorded before is safe, "
-                "go on with --resume when there is room"
+                "resume when there is room"
             ) from error
 
     def close(self) -> None:

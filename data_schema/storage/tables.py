@@ -19,6 +19,7 @@ from evenlight.data_schema.mapping import (
     record_from_mapping,
     type_hints,
     unknown_key,
+    words_of,
 )
 from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.storage.text_files import read_text
@@ -122,9 +123,8 @@ def read_rows(cls: type[Record], path: Path) -> list[Record]:
 
     Columns with a default may be missing, and their cells empty.
     """
-    record = re.sub(r"(?<=[a-z])(?=[A-Z])", " ", cls.__name__).lower()
-    what = f"a {record} table"
-    rows = csv_rows(path, columns_of(cls), what, optional=optional_columns(cls))
+    what, optional = f"a {words_of(cls)} table", optional_columns(cls)
+    rows = csv_rows(path, columns_of(cls), what, optional=optional)
     return [record_from_mapping(cls, plain_cells(cls, cells), f"{path}, line {line}") for line, cells in rows]
 
 

@@ -6,11 +6,12 @@ import io
 import json
 import re
 import tomllib
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import Place, mapping_from_record, record_from_mapping
+from evenlight.data_schema.mapping import Place, mapping_from_record, record_from_mapping, words_of
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.whole_files import write_whole
 
@@ -143,7 +144,7 @@ def write_json(path: Path, content: Any) -> None:
 
 def read_json_record(cls: type[Record], path: Path) -> Record:
     """Return the record that a JSON file holds."""
-    return record_from_mapping(cls, read_json(path, f"a {cls.__name__} in JSON"), str(path))
+    return record_from_mapping(cls, read_json(path, f"a {words_of(cls)} in JSON"), str(path))
 
 
 def write_json_record(path: Path, record: Any) -> None:
@@ -167,14 +168,15 @@ def read_toml(path: Path, what: str) -> dict[str, Any]:
 
 def read_toml_record(cls: type[Record], path: Path) -> Record:
     """Return the record that a TOML file holds."""
-    return record_from_mapping(cls, read_toml(path, f"a {cls.__name__} in TOML"), str(path))
+    return record_from_mapping(cls, read_toml(path, f"a {words_of(cls)} in TOML"), str(path))
 
 
-def write_toml_record(path: Path, record: Any) -> None:
-    """Write a record as a TOML file; TOML has no null, so None is left out."""
+def write_toml_record(path: Path, record: Any, notes: Sequence[str] = ()) -> None:
+    """Write a record as a TOML file; TOML has no null, so None is left out. Notes are comments at its end."""
     import tomli_w
 
-    write_whole(path, tomli_w.dumps(_without_none(mapping_from_record(record))))
+    content = tomli_w.dumps(_without_none(mapping_from_record(record)))
+    write_whole(path, content + "".join(f"# {note}\n" for note in notes))
 
 
 def _without_none(value: Any) -> Any:

@@ -60,8 +60,8 @@ def write_whole(path: Path, content: bytes | str) -> None:
 def require_free(out: Path, *, force: bool) -> None:
     """Refuse to write over what is there, but for a file that may go."""
     if out.exists() and not (force and out.is_file()):
-        right = "give --force to replace it, or another name" if out.is_file() else "give the name of a file"
-        raise InputError(f"--out {out}: is there already; {right}")
+        right = "give `force` to replace it, or another name" if out.is_file() else "give the name of a file"
+        raise InputError(f"`out` {out}: is there already; {right}")
 
 
 def make_folder(folder: Path) -> None:

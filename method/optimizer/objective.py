@@ -299,16 +299,16 @@ def objective_named(name: ObjectiveName, level_weight: float | None = None) -> O
     if name is not ObjectiveName.SPREAD_AND_MEAN:
         if level_weight is not None:
             raise InputError(
-                f"the level weight {level_weight:g} is for the objective spread+mean, not for {name.value}"
+                f"`level_weight` {level_weight:g} is for the objective spread+mean, not for {name.value}"
             )
         return SPREAD if name is ObjectiveName.SPREAD else LargestLoss()
     if level_weight is None:
         raise InputError(
-            "the objective spread+mean needs a level weight (--level-weight) above 0, e.g. 0.5: how much a "
+            "the objective spread+mean needs `level_weight` above 0, e.g. 0.5: how much a "
             "point of mean loss counts against a point of spread"
         )
     if not 0 < level_weight <= LARGEST_LEVEL_WEIGHT:
         raise InputError(
-            f"the level weight must lie above 0 and up to {LARGEST_LEVEL_WEIGHT:g}, got {level_weight:g}"
+            f"level_weight must lie above 0 and up to {LARGEST_LEVEL_WEIGHT:g}, got {level_weight:g}"
         )
     return Spread(level_weight)

@@ -218,7 +218,7 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
         except (ValueError, FFmpegError) as error:
             if stream.type == "audio":
                 raise InputError(
-                    f"--out {out}: {out.suffix} files cannot hold the sound ({stream.name}); "
+                    f"`out` {out}: {out.suffix} files cannot hold the sound ({stream.name}); "
                     "give a name that ends in .mkv"
                 ) from error
             return f"stream {stream.index} ({kind})"

@@ -49,12 +49,12 @@ def codec_for(out: Path, asked: Codec | None) -> Codec:
     """
     ending = out.suffix.lower()
     if ending not in USUAL:
-        raise InputError(f"--out {out}: need a name that ends in {', '.join(USUAL)}, got {ending or 'none'}")
+        raise InputError(f"`out` {out}: need a name that ends in {', '.join(USUAL)}, got {ending or 'none'}")
     codec = asked or USUAL[ending]
     endings = ENCODERS[codec].endings
     if ending not in endings:
         raise InputError(
-            f"--out {out}: {ending} files cannot hold {codec.value}; give a name that ends in "
-            f"{' or '.join(endings)}, or --codec {USUAL[ending].value}"
+            f"`out` {out}: {ending} files cannot hold {codec.value}; give a name that ends in "
+            f"{' or '.join(endings)}, or `codec` {USUAL[ending].value}"
         )
     return codec

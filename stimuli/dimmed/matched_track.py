@@ -55,7 +55,7 @@ def require_content(video: VideoSource, track: BrightnessTrack) -> None:
     if made_of and video.sha256() not in made_of:
         raise InputError(
             f"the track was made of the video {track.header.video!r}, and {video.name!r} has other "
-            "content: give that video, or --other-video-ok if it is the same film, encoded again"
+            "content: give that video, or `other_video_ok` if it is the same film, encoded again"
         )
 
 
@@ -70,7 +70,7 @@ def display_of(track: BrightnessTrack, asked: str | None = None) -> Display:
     header = track.header
     if asked is not None:
         display = load_display(asked)
-        require_display_of(header, display, asked, ", or name the track's own (--display may be left out)")
+        require_display_of(header, display, asked, ", or name the track's own (`display` may be left out)")
         return display
     if header.display is not None and header.display.fingerprint == header.display_fingerprint:
         return header.display
@@ -79,5 +79,5 @@ def display_of(track: BrightnessTrack, asked: str | None = None) -> Display:
         return preset
     raise InputError(
         f"the track does not hold its display {header.display_name!r}, for an earlier version made it: "
-        "give the display with --display FILE"
+        "give the display as `display`, a file"
     )

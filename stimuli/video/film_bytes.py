@@ -11,6 +11,8 @@ from typing import Any
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.stimuli.video.video_locations import BLOCK, VideoPath, told_in_one_line
 
+READ_FILMS: dict[str, str] = {}  # SHA-256 of each film when it was read last, by its path or URL
+
 
 class FilmBytes(AbstractContextManager["FilmBytes"]):
     """An open film with a place of its own: `memory://` has one for all who read a file.
@@ -66,7 +68,9 @@ class FilmBytes(AbstractContextManager["FilmBytes"]):
         self.seek(self._hashed)
         while self.read(BLOCK):
             pass
-        return self._hash.hexdigest()
+        name = str(self._path) if isinstance(self._path, Path) else self._path.url
+        READ_FILMS[name] = self._hash.hexdigest()
+        return READ_FILMS[name]
 
     def __exit__(self, *_: object) -> None:
         self._stream.close()

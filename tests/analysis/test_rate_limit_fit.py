@@ -75,7 +75,7 @@ def test_the_quartic_is_well_conditioned_where_monomials_are_not(luminances: tup
 
 
 def test_four_luminances_are_too_few_for_degree_four() -> None:
-    with pytest.raises(InputError, match=r"5 or more luminances, got 4.*`evenlight fit --degree`"):
+    with pytest.raises(InputError, match=r"5 or more luminances, got 4.*a lower `degree`"):
         fit_points([10, 20, 20, 40, 80], [0.3, 0.6, 0.6, 1.2, 2.4], DISPLAY, RateLimitOptions(degree=4))
 
 
@@ -105,7 +105,8 @@ def test_a_fall_within_the_range_is_reported_where_it_is() -> None:
     assert (low, high) == pytest.approx((50, 90), abs=0.2)
     assert not fit.monotone
     assert any(
-        "Implausible: the limit falls from 50 to 90 cd/m^2; try --monotone" in note for note in fit.notes
+        "Implausible: the limit falls from 50 to 90 cd/m^2; try a monotone curve" in note
+        for note in fit.notes
     )
 
 

@@ -106,7 +106,7 @@ def test_garbage_is_refused(name: str, read: Callable[[Path], Any], content: byt
 def test_json_of_another_kind_is_refused(content: str, got: str, tmp_path: Path) -> None:
     (tmp_path / "r.json").write_text(content)
     message = refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
-    assert message == f": expected the keys of a RateLimit, got {got}"
+    assert message == f": expected the keys of a rate limit, got {got}"
 
 
 @pytest.mark.parametrize(
@@ -127,7 +127,7 @@ def test_json_of_another_kind_is_refused(content: str, got: str, tmp_path: Path)
         ({"simulated": 1}, ": simulated: expected true or false, got 1"),
         ({"band_lower_cd_m2_s": [1.0]}, "the three band lists must be equally long"),
         ({"point_rate_cd_m2_s": [1.0]}, "must be equally long"),
-        ({"provenance": "me"}, ": provenance: expected the keys of a Provenance, got 'me'"),
+        ({"provenance": "me"}, ": provenance: expected the keys of a provenance, got 'me'"),
         ({"provenance": {"seed": 1.5}}, ": provenance: seed: expected a whole number or null, got 1.5"),
         ({"provenance": {"inputs": [1]}}, "inputs: expected a table of names and values, got a list"),
         ({"provenance": {"inputs": {"a": 1}}}, "inputs: a: expected text, got 1"),
@@ -146,7 +146,7 @@ def test_a_wrong_value_is_named_with_what_would_be_right(
 def test_each_required_key_is_missed(key: str, tmp_path: Path) -> None:
     (tmp_path / "r.json").write_text(json.dumps({k: v for k, v in LIMIT.items() if k != key}))
     message = refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
-    assert message == f": the key {key!r} of a RateLimit is missing"
+    assert message == f": the key {key!r} of a rate limit is missing"
 
 
 @pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
@@ -327,8 +327,8 @@ def curves() -> LossCurves:
     ("changes", "message"),
     [
         ({"header": np.array("no json")}, ": holds no loss curves"),
-        ({"header": np.array("[]")}, ": header: expected the keys of a CurvesHeader, got a list"),
-        ({"header": np.array("{}")}, ": header: the key 'video' of a CurvesHeader is missing"),
+        ({"header": np.array("[]")}, ": header: expected the keys of a curves header, got a list"),
+        ({"header": np.array("{}")}, ": header: the key 'video' of a curves header is missing"),
         ({"loss": np.zeros((3, 2))}, ": loss must have the shape (2, 2), got (3, 2)"),
         ({"loss": np.full((2, 2), np.nan)}, ": loss must be finite, got nan"),
         ({"loss": np.full((2, 2), 1.5)}, ": loss must be at most 1, got 1.5"),

@@ -235,7 +235,7 @@ def test_a_calm_track_keeps_its_share_of_what_is_minimized() -> None:
 @pytest.mark.parametrize(
     ("name", "level_weight", "says"),
     [
-        (ObjectiveName.SPREAD_AND_MEAN, None, "needs a level weight \\(--level-weight\\) above 0"),
+        (ObjectiveName.SPREAD_AND_MEAN, None, "needs `level_weight` above 0"),
         (ObjectiveName.SPREAD_AND_MEAN, 0.0, "must lie above 0 and up to 1e\\+06, got 0"),
         (ObjectiveName.SPREAD_AND_MEAN, float("nan"), "must lie above 0.*got nan"),
         (ObjectiveName.MINIMAX, 0.5, "0.5 is for the objective spread\\+mean, not for minimax"),

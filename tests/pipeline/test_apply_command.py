@@ -121,7 +121,7 @@ def test_an_earlier_track_needs_its_display(command, work):
         provenance=provenance_now(inputs=dict(track.header.provenance.inputs)),
     )  # fmt: skip
     write_track(work / "track" / "track.csv", dataclasses.replace(track, header=header))
-    assert "give the display with --display FILE" in refused(command, work)
+    assert "give the display as --display, a file" in refused(command, work)
     write_toml_record(work / "other.toml", other)
     words = ("apply", work / "film.mkv", work / "track", "--out", work / "out.mkv", "--quiet")
     assert command(*words, "--display", work / "other.toml").code == 0

@@ -178,9 +178,9 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
         (["{table}", "--budget", 0.5], "the folder of two rows"),
         (["{badname}", "--budget", 0.5], "cannot be that of a folder"),
         (["{badcolumn}", "--budget", 0.5], "unknown column 'colour'"),
-        (["{badfactor}", "--budget", 0.5], "line 3: --min-factor must lie in 0.001 to 0.99, got 7"),
+        (["{badfactor}", "--budget", 0.5], "line 3: min_factor must lie in 0.001 to 0.99, got 7"),
         (["{badunit}", "--budget", 0.5], "line 2: budget_unit: expected one of 'factor', 'power', 'watt'"),
-        (["{badbudget}", "--budget", 0.5], "line 2: --budget must be above 0, got 0.0"),
+        (["{badbudget}", "--budget", 0.5], "line 2: budget must be above 0, got 0.0"),
         (["{unnamed}", "--budget", 0.5], "line 3: names no video in the column path"),
     ],
 )

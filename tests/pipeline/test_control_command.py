@@ -245,8 +245,8 @@ def test_a_lookahead_that_the_pid_controller_beats_is_told(command, tmp_path: Pa
     assert ratios["without"] < ratios["with"]
     words = "times as much as with constant dimming by the mean factor, with it"
     warning = (
-        f"without --lookahead the loss varies {ratios['without']:.2f} {words} {ratios['with']:.2f} times"
+        f"without a look ahead the loss varies {ratios['without']:.2f} {words} {ratios['with']:.2f} times"
     )
     assert warning in said["with"]
-    assert "without --lookahead" not in said["without"]
+    assert "without a look ahead" not in said["without"]
     assert "a lookahead of 0.1 s is less than one frame, 0.2 s: as 0" in said["with"]

@@ -103,7 +103,7 @@ def test_a_session_from_right_to_left_is_shown_and_one_without_its_letters_refus
     out, err = refused.communicate(timeout=200)
     assert refused.returncode == 2
     assert "'終' (U+7D42" in err
-    assert "give a font file that has it with --font" in err
+    assert "give a font file that has it as --font" in err
     assert err.count("\n") == 1
     assert not (tmp_path / "japanese").exists()
     assert out == ""

@@ -61,6 +61,52 @@ def test_a_result_is_made_again_and_an_option_beside_it_overrides(command: Any, 
     assert "request.toml (result request)" in checked.out
 
 
+def test_a_film_is_hashed_by_who_reads_it(command: Any, film: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    hashed: list[str] = []
+
+    def counted(path: Path) -> str:
+        hashed.append(path.name)
+        return sha256_of_file(path)
+
+    monkeypatch.setattr("evenlight.data_schema.provenance.sha256_of_file", counted)
+    made = command("optimize", f"./{film}", "--budget", 0.5, "--out", "track", *FAST)
+    assert made.code == 0, made.err
+    assert asked_in("track")["provenance"]["inputs"] == {f"./{film}": sha256_of_file(Path(film))}
+    assert hashed == []
+
+
+def test_what_holds_for_an_option_that_was_not_given_is_told(command: Any, film: str) -> None:
+    assert command("control", film, "--target-loss", 0.05, "--out", "track", *FAST).code == 0
+    notes = [line for line in Path("track/request.toml").read_text().splitlines() if line.startswith("#")]
+    assert "# proportional: not given; 0.2" in notes
+    assert "# horizon: not given; 60" in notes
+    assert not any(line.startswith(("# target_loss", "# quiet", "# request")) for line in notes)
+
+
+def test_one_request_at_a_time(command: Any) -> None:
+    refused = command("optimize", "--request", "a", "--request=b", "--out", "track")
+    assert (refused.code, refused.err) == (
+        2,
+        "evenlight: --request is given twice; give one, and beside it what is to differ\n",
+    )
+
+
+def test_names_and_values_of_a_request_are_validated(command: Any, tmp_path: Path) -> None:
+    file = tmp_path / "request.toml"
+    file.write_text(
+        'command = "optimize"\n[asked]\nvideo = "a.mp4"\nbugdet = 0.5\nseed = 1.5\ndevice = "fast"\n'
+        "battery_wh = -5\nrobust = true\n"
+    )
+    checked = command("validate", file)
+    assert checked.code == 1
+    assert checked.out.splitlines()[:4] == [
+        f"problem      {file}, line 4: asked: unknown key 'bugdet'; did you mean 'budget'?",
+        f"problem      {file}, line 5: asked: seed: expected a whole number, got 1.5",
+        f"problem      {file}, line 6: asked: device: expected one of 'cpu', 'gpu', 'auto', got 'fast'",
+        f"problem      {file}, line 7: asked: battery_wh must lie in 0.001 to 1e+06, got -5",
+    ]
+
+
 def test_lists_and_secrets(command: Any, film: str) -> None:
     made = command("optimize", film, "--with", film, "--with", film, "--budget", 0.5, "--out", "track", *FAST)
     assert made.code == 0, made.err

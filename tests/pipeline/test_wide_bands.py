@@ -80,7 +80,7 @@ def test_a_walk_and_the_python_interface_refuse_it_too(wide: Path) -> None:
         lambda: evenlight.optimize("checkerboard", 0.5, rate_limit=wide),
         lambda: evenlight.OnlineController(0.05, rate_limit=wide),
     ):
-        with pytest.raises(InputError, match=r"not known well enough.*accept_wide_band=True"):
+        with pytest.raises(InputError, match=r"not known well enough.*`accept_wide_band`"):
             use()
     accepted = LiveRequest(target_loss=0.05, rate_limit=str(wide), accept_wide_band=True)
     assert accepted.limit_on(display).name == "two people"

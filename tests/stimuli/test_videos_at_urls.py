@@ -6,6 +6,7 @@ import os
 import pickle
 import re
 import sys
+import tomllib
 from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -227,6 +228,10 @@ def test_results_are_byte_for_byte_those_of_the_file_without_a_secret(
         result = command("optimize", name, *OPTIONS, "--no-cache", "--out", out)
         assert result.code == 0, result.err
         assert "Hidden" not in result.out + result.err
+        whole_url = "give the whole URL beside --request" in result.err
+        assert whole_url is (name == film)
+        inputs = tomllib.loads((out / "request.toml").read_text())["provenance"]["inputs"]
+        assert list(inputs.values()) == [sha256_of_file(clip)]
         written.append({file.name: file.read_bytes() for file in out.iterdir()})
         took = rb'"(solve|curves|bound)_s": [0-9.e-]+'
         written[-1]["summary.json"] = re.sub(took, b"", written[-1]["summary.json"])

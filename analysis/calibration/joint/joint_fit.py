@@ -241,7 +241,7 @@ def _notes(fit: JointFit, options: RateLimitOptions, spare: int) -> tuple[str, .
     if fit.falls_surely:
         notes.append(
             "The answers speak against a curve that does not fall: none lies within the simultaneous band. "
-            "The band is that of free curves, widened to hold this one; fit without --monotone."
+            "The band is that of free curves, widened to hold this one; let it fall."
         )
     elif options.monotone:
         notes.append(

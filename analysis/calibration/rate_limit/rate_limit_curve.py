@@ -136,8 +136,7 @@ def basis_for(luminance: ArrayLike, options: RateLimitOptions, levels: int | Non
     if levels < needed:
         raise InputError(
             f"a rate limit of degree {degree} needs thresholds at {needed} or more luminances, "
-            f"got {levels}; measure more levels, or choose a lower degree with "
-            "`evenlight fit --degree`"
+            f"got {levels}; measure more levels, or choose a lower `degree`"
         )
     basis = CurveBasis(form, degree, (float(distinct[0]), float(distinct[-1])))
     condition = float(np.linalg.cond(basis.design(distinct)))
