@@ -13,8 +13,8 @@ from evenlight.analysis.tracks.dimming_options import DimmedOn, path_of
 from evenlight.analysis.tracks.track_request import Analysed, OneVideo, closing_words
 from evenlight.analysis.wording import percent
 from evenlight.data_schema.errors import InputError
-from evenlight.experiments.playback.play_options import with_options
 from evenlight.method.choices import AnalysisEffort
+from evenlight.option_panels import with_options
 
 if TYPE_CHECKING:
     from evenlight.analysis.tracks.control_run import ControlJob

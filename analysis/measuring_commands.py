@@ -10,8 +10,8 @@ from typing import Annotated, Any
 import typer
 
 from evenlight.experiments import run_command
-from evenlight.experiments.playback.play_options import FilmOptions, PowerOptions, with_options
-from evenlight.option_panels import asked, expert, instruments, output
+from evenlight.experiments.playback.play_options import FilmOptions, PowerOptions
+from evenlight.option_panels import asked, expert, instruments, output, with_options
 
 A_DAY = 86_400.0  # [s]
 

@@ -8,7 +8,7 @@ import typer
 
 from evenlight.analysis.tracks.track_request import OneVideo, TrackRequest, closing_words
 from evenlight.data_schema.errors import InputError
-from evenlight.experiments.playback.play_options import with_options
+from evenlight.option_panels import with_options
 
 
 def _optimize(wanted: TrackRequest, one: OneVideo) -> None:

@@ -32,11 +32,25 @@ def must_be_one_of(name: str, value: Any, known: Iterable[object]) -> str:
     return f"{name} must be one of {', '.join(map(str, known)) or 'none'}, got {value!r}"
 
 
-def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
-    """Return the number that an argument holds, if it lies within its limits."""
+def text(name: str, value: Any) -> str:
+    """Return the text that an argument holds."""
+    if not isinstance(value, str):
+        raise InputError(f"{name} must be a text, got {value!r}")
+    return value
+
+
+def real(name: str, value: Any) -> float:
+    """Return the number that an argument holds, as it is: not a number, too."""
     if isinstance(value, int):
         require_computable(name, value)
-    if isinstance(value, bool) or not isinstance(value, Real) or math.isnan(value):
+    if isinstance(value, bool) or not isinstance(value, Real):
+        raise InputError(f"{name} must be a number, got {value!r}")
+    return float(value)
+
+
+def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
+    """Return the number that an argument holds, if it lies within its limits."""
+    if math.isnan(real(name, value)):
         raise InputError(f"{name} must be a number, got {value!r}")
     if not low <= float(value) <= high:
         raise InputError(f"{name} must lie in {low:g} to {high:g}, got {float(value):.15g}")

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 
 class InputError(ValueError):
-    """Input that cannot be used: the message names the file or option, the value, and what would be right.
+    """Input that cannot be used: the message names the file or argument, the value, and what would be right.
 
     Every other exception that reaches the command is a defect of Evenlight, not of its input.
     """

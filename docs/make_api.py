@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 import evenlight
+from evenlight import choices
 from evenlight.analysis.results import Result
 from evenlight.command import app
 
@@ -53,6 +54,10 @@ def page() -> str:
     for title, names in GROUPS.items():
         parts.append(f"## {title}\n")
         parts += [_entry(name, getattr(evenlight, name)) for name in names]
+    parts.append('## Choices, in `evenlight.choices`\n\nA value, such as `"safe"`, does as well.\n')
+    parts += [
+        _entry(name, getattr(choices, name)) for name in choices.__all__ if name not in evenlight.__all__
+    ]
     return "\n".join(parts)
 
 
@@ -69,6 +74,8 @@ def _entry(name: str, thing: Any) -> str:
     parts = [f"### `{name}`\n", f"```python\n{shown}\n```\n" if shown != name else "", _text(thing)]
     if is_record:
         parts.append(_fields(thing))
+    if inspect.isclass(thing) and issubclass(thing, enum.Enum):
+        parts.append(_members(thing))
     if inspect.isclass(thing) and not issubclass(thing, Exception):
         ours = [c for c in inspect.getmro(thing) if c.__module__.startswith("evenlight.")]
         members = {name: member for c in reversed(ours) for name, member in vars(c).items()}
@@ -83,6 +90,16 @@ def _entry(name: str, thing: Any) -> str:
             else:
                 parts.append(f"**`.{_signature(method, member)}`**: {_text(member)}")
     return "\n".join(part for part in parts if part)
+
+
+def _members(choice: type[enum.Enum]) -> str:
+    """Return the values of an enum, with the comments that stand beside them."""
+    source = inspect.getsource(choice)
+    rows = []
+    for name, member in choice.__members__.items():
+        comment = re.search(rf"^    {name} = [^#\n]*  # (.*)$", source, re.MULTILINE)
+        rows.append(f'- `{name}`, `"{member.value}"`{f": {comment[1]}" if comment else ""}')
+    return "\n".join(rows) + "\n"
 
 
 def _documented(member: Any) -> bool:

@@ -1,4 +1,4 @@
-"""The panels in which `--help` shows options, and the words that a shell completes for them.
+"""Options of commands: panels in `--help`, words that a shell completes, records whose fields they are.
 
 A command declares an option with its panel, as `asked("--budget", help=...)`; `--quiet` and `--help` are in
 none. Nothing here is slow to import: a shell waits for the words.
@@ -6,11 +6,13 @@ none. Nothing here is slow to import: a shell waits for the words.
 
 from __future__ import annotations
 
+import copy
+import dataclasses
 from collections.abc import Callable
-from functools import partial
-from inspect import Signature, signature
+from functools import partial, wraps
+from inspect import Parameter, Signature, signature
 from pathlib import Path
-from typing import Any, get_args
+from typing import Annotated, Any, TypeVar, get_args, get_type_hints
 
 import typer
 
@@ -24,6 +26,7 @@ expert = partial(typer.Option, hidden=True)  # in docs/requests.md, and a key of
 
 Complete = Callable[[str], list[str]]
 PACKAGE = Path(__file__).parent
+Returned = TypeVar("Returned")
 
 
 def words_and_files(*words: str, ending: str = "") -> Complete:
@@ -122,3 +125,48 @@ def declared_by_name(command: Callable[..., Any]) -> Signature:
             one.metavar = one.metavar or METAVARS.get(name)
             one.autocompletion = one.autocompletion or COMPLETIONS.get(name)
     return declared
+
+
+def _in_panel(kind: Any, group: type[Any], name: str) -> Any:
+    """Return the option of a field, in the panel of its group where another record declares it."""
+    if not hasattr(group, "PANEL") or name in group.__annotations__:
+        return kind
+    of, option = get_args(kind)
+    option = copy.copy(option)
+    option.rich_help_panel = group.PANEL
+    return Annotated[of, option]
+
+
+def with_options(command: Callable[..., Returned], *groups: type[Any]) -> Callable[..., Returned]:
+    """Return a command that takes records of options as one that takes their fields, as Typer wants it.
+
+    Parameters
+    ----------
+    command : callable
+        Takes a record of each group.
+    *groups : type
+        The records.
+    """
+    hints = [get_type_hints(group, include_extras=True) for group in groups]
+    empty = Parameter.empty
+    parameters = [
+        Parameter(
+            field.name,
+            Parameter.KEYWORD_ONLY,
+            default=empty if field.default is dataclasses.MISSING else field.default,
+            annotation=_in_panel(kinds[field.name], group, field.name),
+        )
+        for group, kinds in zip(groups, hints, strict=True)
+        for field in dataclasses.fields(group)
+    ]
+
+    @wraps(command)
+    def flat(**given: Any) -> Returned:
+        return command(
+            *(group(**{name: given[name] for name in group.__dataclass_fields__}) for group in groups)
+        )
+
+    flat.__signature__ = Signature(parameters)  # type: ignore[attr-defined] # inspect looks for it
+    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
+    del flat.__wrapped__  # else its parameters would be looked at
+    return flat

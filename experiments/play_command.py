@@ -11,8 +11,8 @@ from evenlight.experiments.playback.play_options import (
     VersionOptions,
     WalkOptions,
     refuse,
-    with_options,
 )
+from evenlight.option_panels import with_options
 from evenlight.stimuli.dimming_options import GAINS
 
 

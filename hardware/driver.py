@@ -12,6 +12,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from evenlight.data_schema.arguments import flag, positive, text
 from evenlight.data_schema.errors import InputError
 
 if TYPE_CHECKING:
@@ -57,6 +58,18 @@ class Driver:
     needs_address: bool = True  # whether the driver needs to know where the instrument is
     sample_rate: float = 100.0
     package: str = ""  # that it comes from, which is noted when it is found; empty for our own
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.place, str | type):
+            raise InputError(f"place must be a class, got {self.place!r}")
+        for name in ("instrument", "address", "settings", "note", "package"):
+            text(name, getattr(self, name))
+        if not (self.emulator is None or callable(self.emulator)):
+            raise InputError(f"emulator must be a function, got {self.emulator!r}")
+        if not (isinstance(self.usb_ids, tuple) and all(isinstance(one, tuple) for one in self.usb_ids)):
+            raise InputError(f"usb_ids must be pairs of numbers, got {self.usb_ids!r}")
+        flag("needs_address", self.needs_address)
+        positive("sample_rate", self.sample_rate)
 
     def load(self) -> Any:
         """Return the class of the driver."""

@@ -7,6 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, Self
 
+from evenlight.data_schema.arguments import real, text
+from evenlight.data_schema.errors import InputError
+
 if TYPE_CHECKING:  # every command imports this module, and shows its help without numpy
     import moderngl
     import numpy as np
@@ -63,6 +66,17 @@ class Reading:
     ended: float
     status: str = ""  # the instrument's own word or code on the reading, e.g. "OK00"
     chromaticity: tuple[float, float] | None = None  # CIE 1931 x and y, of instruments that measure them
+
+    def __post_init__(self) -> None:
+        for name in ("value", "begun", "ended"):
+            real(name, getattr(self, name))
+        text("unit", self.unit)
+        text("status", self.status)
+        if self.chromaticity is not None:
+            if not (isinstance(self.chromaticity, tuple) and len(self.chromaticity) == 2):
+                raise InputError(f"chromaticity must be two numbers, x and y, got {self.chromaticity!r}")
+            for value in self.chromaticity:
+                real("chromaticity", value)
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,9 +9,9 @@ from typing import Annotated
 
 import typer
 
-from evenlight.experiments.playback.play_options import interrupted, with_options
+from evenlight.experiments.playback.play_options import interrupted
 from evenlight.method.choices import LimitCurve
-from evenlight.option_panels import expert, limits, words_and_files
+from evenlight.option_panels import expert, limits, with_options, words_and_files
 
 light_option = functools.partial(typer.Option, rich_help_panel="Backlight")
 player_option = functools.partial(typer.Option, rich_help_panel="Player")

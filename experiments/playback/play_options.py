@@ -5,16 +5,12 @@ A field is an option: its name, type, default and help are those of the command 
 
 from __future__ import annotations
 
-import copy
-import dataclasses
 import enum
 import functools
-import inspect
 import sys
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any, TypeVar, get_args, get_type_hints
+from typing import Annotated
 
 import typer
 
@@ -32,7 +28,6 @@ from evenlight.stimuli.dimming_options import (
 )
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
-Returned = TypeVar("Returned")
 _headset = functools.partial(typer.Option, rich_help_panel="In a headset")
 LIVE_PANEL = "Dimmed live, with --target-loss or --budget"
 _live = functools.partial(typer.Option, rich_help_panel=LIVE_PANEL)
@@ -231,48 +226,3 @@ def refuse(because: str, options: object, *names: str) -> None:
     for name in names or declared:
         if getattr(options, name) != declared[name].default:
             raise InputError(because.format(f"--{name.replace('_', '-')}"))
-
-
-def _in_panel(kind: Any, group: type[Any], name: str) -> Any:
-    """Return the option of a field, in the panel of its group where another record declares it."""
-    if not hasattr(group, "PANEL") or name in group.__annotations__:
-        return kind
-    of, option = get_args(kind)
-    option = copy.copy(option)
-    option.rich_help_panel = group.PANEL
-    return Annotated[of, option]
-
-
-def with_options(command: Callable[..., Returned], *groups: type[Any]) -> Callable[..., Returned]:
-    """Return a command that takes records of options as one that takes their fields, as Typer wants it.
-
-    Parameters
-    ----------
-    command : callable
-        Takes a record of each group.
-    *groups : type
-        The records.
-    """
-    hints = [get_type_hints(group, include_extras=True) for group in groups]
-    empty = inspect.Parameter.empty
-    parameters = [
-        inspect.Parameter(
-            field.name,
-            inspect.Parameter.KEYWORD_ONLY,
-            default=empty if field.default is dataclasses.MISSING else field.default,
-            annotation=_in_panel(kinds[field.name], group, field.name),
-        )
-        for group, kinds in zip(groups, hints, strict=True)
-        for field in dataclasses.fields(group)
-    ]
-
-    @functools.wraps(command)
-    def flat(**given: Any) -> Returned:
-        return command(
-            *(group(**{name: given[name] for name in group.__dataclass_fields__}) for group in groups)
-        )
-
-    flat.__signature__ = inspect.Signature(parameters)  # type: ignore[attr-defined] # inspect looks for it
-    flat.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-    del flat.__wrapped__  # else its parameters would be looked at
-    return flat

@@ -43,11 +43,12 @@ from evenlight.experiments.playback.track_refusals import floor_note
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
-from evenlight.stimuli.dimmed.matched_track import display_of
+from evenlight.stimuli.dimmed.matched_track import display_of, is_of
 from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
 from evenlight.stimuli.video.track_fit import require_fit
+from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_locations import is_url, local_name, shown_name
 from evenlight.stimuli.video.video_source import VideoSource, size_of
 
@@ -158,6 +159,11 @@ def video_request(film: FilmOptions, headset: HeadsetOptions) -> VideoRequest:
     loaded = load_track(film.track)
     video, pixels = video_of(film.video, loaded.track, film.size)
     require_fit(video, loaded.track)
+    if not film.quiet and isinstance(video, VideoFile) and not is_of(video, loaded.track):
+        typer.echo(
+            f"note: the track was made of {loaded.track.header.video!r}, and {video.name!r} has other "
+            "content: right if it is the same film, encoded again"
+        )
     rig, display = rig_of(film.rig, film.display_name, lambda: display_of(loaded.track), pixels)
     if not film.other_display_ok:
         otherwise = ", or play this one all the same with --other-display-ok"

@@ -62,7 +62,7 @@ class ScpiDialogue:
         try:
             self._resource = _opened(resource, backend, round(timeout * 1000))
         except Exception as error:  # PyVISA's own, and those of its backends
-            raise self._failed(error, Fault.NOT_FOUND) from None
+            raise (_no_address(resource) or self._failed(error, Fault.NOT_FOUND)) from None
         try:
             self.identity = self._identify(min(timeout, OPENING))
         except BaseException:
@@ -235,6 +235,21 @@ def finished(dialogue: Generator[None, None, Value]) -> Value:
         except StopIteration as ended:
             value: Value = ended.value
             return value
+
+
+def _no_address(resource: str) -> InputError | None:
+    """Return what is said of a name that PyVISA cannot read, and that no library of VISA has opened."""
+    with contextlib.suppress(ImportError):
+        from pyvisa import rname
+
+        try:
+            rname.ResourceName.from_string(resource)
+        except rname.InvalidResourceName:
+            return InputError(
+                f"{resource}: is neither an address of VISA, such as USB0::0x2A8D::0x0101::MY5450::INSTR or "
+                "TCPIP::192.0.2.7::5025::SOCKET, nor a name that its library knows"
+            )
+    return None
 
 
 def _opened(resource: str, backend: str, timeout: int) -> Any:

@@ -18,6 +18,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from evenlight.data_schema.arguments import must_be_one_of, positive, text, whole
+from evenlight.data_schema.errors import InputError
 from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
 
 try:
@@ -52,6 +54,21 @@ class LineSettings:
     terminator: bytes = b"\r\n"  # what ends a line that the instrument sends
     timeout: float = 5.0  # how long a reply may take [s]
 
+    def __post_init__(self) -> None:
+        if whole("baud_rate", self.baud_rate) == 0:
+            raise InputError("baud_rate must be above 0, got 0")
+        for name, kind, known in (
+            ("data_bits", int, (7, 8)),
+            ("parity", str, "NEO"),
+            ("stop_bits", int, (1, 2)),
+        ):
+            value = getattr(self, name)
+            if not (isinstance(value, kind) and value in tuple(known)):
+                raise InputError(must_be_one_of(name, value, known))
+        if not (isinstance(self.terminator, bytes) and self.terminator):
+            raise InputError(f"terminator must be at least one byte, got {self.terminator!r}")
+        positive("timeout", self.timeout)
+
 
 class SerialLink(ContextDevice):
     """An open port to an instrument.
@@ -69,6 +86,8 @@ class SerialLink(ContextDevice):
 
     Raises
     ------
+    InputError
+        If an argument is of another kind.
     InstrumentError
         If there is no such port, it may not be opened, or another program holds it.
     """
@@ -76,7 +95,12 @@ class SerialLink(ContextDevice):
     def __init__(
         self, url: str, settings: LineSettings, device: str, clock: Callable[[], float] | None = None
     ) -> None:
-        self.name, self._settings = f"{device} at {url}", settings
+        text("url", url)
+        if not isinstance(settings, LineSettings):
+            raise InputError(f"settings must be LineSettings, got {settings!r}")
+        if not (clock is None or callable(clock)):
+            raise InputError(f"clock must be a function, got {clock!r}")
+        self.name, self._settings = f"{text('device', device)} at {url}", settings
         self._clock = time.monotonic if clock is None else clock
         self._came = b""  # read from the port, not yet taken
         self._port: serial.SerialBase | None = _open(url, settings, self.name)

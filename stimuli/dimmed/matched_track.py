@@ -49,10 +49,15 @@ def match_track(
     return MatchedTrack(loaded, display_of(loaded.track, display))
 
 
+def is_of(video: VideoSource, track: BrightnessTrack) -> bool:
+    """Return whether a track was made of a video, or does not tell of what."""
+    made_of = {value for key, value in track.header.provenance.inputs.items() if key.startswith("video")}
+    return not made_of or video.sha256() in made_of
+
+
 def require_content(video: VideoSource, track: BrightnessTrack) -> None:
     """Refuse a video whose content is not the one that a track was made of."""
-    made_of = {value for key, value in track.header.provenance.inputs.items() if key.startswith("video")}
-    if made_of and video.sha256() not in made_of:
+    if not is_of(video, track):
         raise InputError(
             f"the track was made of the video {track.header.video!r}, and {video.name!r} has other "
             "content: give that video, or `other_video_ok` if it is the same film, encoded again"

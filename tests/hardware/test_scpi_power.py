@@ -375,6 +375,12 @@ def test_a_serial_line_is_asked_as_a_socket_is(simulation, driver) -> None:
             assert told.value.fault is Fault.BUSY
 
 
+@pytest.mark.parametrize("place", ["nonsense", "FOO0::1::INSTR"])
+def test_what_is_no_address_of_visa_is_told_what_one_is(place: str) -> None:
+    with pytest.raises(InputError, match=rf"^{place}: is neither an address of VISA, such as USB0::"):
+        VisaPowerMeter(place, lambda: 0.0, TIMEOUT)
+
+
 def test_without_pyvisa_it_says_how_to_get_it(monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "pyvisa", None)
     with pytest.raises(InputError, match=r"pip install '\.\[instruments\]'"):

@@ -15,7 +15,7 @@ from PIL import Image
 from warm_evenlight import said_by
 
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.provenance import Provenance, sha256_of_file
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
@@ -242,7 +242,7 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
             (video, fast),
             "frame 1 of the video '8' appears at 0.0400 s, and its brightness track says 0.0333 s",
         ),
-        ((video, other), "give the display with --display FILE"),
+        ((video, other), "give the display as --display, a file"),
         ((video, other, "--display", "varjo-xr3"), "made for the display 'desk', and here is 'varjo-xr3'"),
         ((cut, track), "cut.mkv is cut off"),
         ((video, tmp_path), "no such brightness track"),
@@ -314,3 +314,17 @@ def test_without_a_screen_one_line_says_so(made: Path, command: Any, monkeypatch
     assert outcome.code == 2
     assert "no display: the environment variable DISPLAY is not set" in outcome.err
     assert not (made / "none.csv").exists()
+
+
+def test_a_track_of_another_film_is_told_of(
+    made: Path, tmp_path: Path, command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Frames and times fit, the content is another: as of a film that was encoded again."""
+    monkeypatch.delenv("DISPLAY", raising=False)
+    note = "note: the track was made of '8', and '10' has other content: right if it is the same film"
+    own = Provenance(inputs={"video": sha256_of_file(made / "8.mkv")})
+    track = write_a_track(tmp_path / "own", provenance=own)
+    assert note in command("play", made / "10.mkv", track).out
+    assert "note" not in command("play", made / "8.mkv", track).out
+    assert "note" not in command("play", made / "10.mkv", track, "--quiet").out
+    assert "note" not in command("play", made / "10.mkv", made / "track").out  # which does not tell
