@@ -24,7 +24,7 @@ FITTED_TASK = "ramp"  # whose sessions are fitted together
 LARGEST_RATIO = 1.25  # of the luminances of one pixel value and factor under two calibrations (choice)
 # Pixel value and brightness factor of what is compared: white and gray, at full brightness and dimmed.
 COMPARED_AT = ((1.0, 1.0), (0.5, 1.0), (1.0, 0.2), (0.5, 0.2))
-APART = "put the sessions of each in a data set of its own (another `out` of `evenlight run`)"
+APART = "put the sessions of each in a data set of its own (`run`: another --out)"
 
 
 def why_apart(sessions: Sequence[SessionManifest]) -> str:

@@ -203,7 +203,7 @@ def test_a_design_of_which_a_session_would_not_end(tmp_path, line, said) -> None
 def test_an_empty_design_is_no_design(command, tmp_path, content) -> None:
     (tmp_path / "empty.toml").write_text(content)
     words = ("simulate", "ramp", "--participants", 1, "--design", tmp_path / "empty.toml")
-    assert "empty.toml: is empty; expected a RampDesign" in refused(command, *words, "--out", tmp_path / "o")
+    assert "empty.toml: is empty; expected a ramp design" in refused(command, *words, "--out", tmp_path / "o")
     assert everything(tmp_path) == ["empty.toml"]
 
 
