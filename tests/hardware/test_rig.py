@@ -82,7 +82,7 @@ def test_the_example_of_a_desk_shows_every_key_at_its_default_but_for_the_age_li
         (HEADSET + 'backlight = "simulated"\n', "a headset's backlight is its own, and is not set"),
         (HEADSET + "[photodiode_patch]\n", "a headset has no corner for a photodiode"),
         ("name = lab", "not valid TOML"),
-        ("", "is empty; expected a Rig"),
+        ("", "is empty; expected a rig"),
     ],
 )
 def test_a_bad_rig_is_refused_in_one_line_that_names_file_and_key(tmp_path: Path, text, says) -> None:

@@ -115,7 +115,7 @@ def test_bad_input_ends_in_one_line_and_leaves_nothing(
     [
         ("name = ", "not valid TOML"),
         (RIG.replace("display", "dispaly"), "unknown key 'dispaly'; did you mean 'display'?"),
-        (RIG.replace('display = "varjo-xr3"\n', ""), "the key 'display' of a Rig is missing"),
+        (RIG.replace('display = "varjo-xr3"\n', ""), "the key 'display' of a rig is missing"),
         (RIG.replace("varjo-xr3", "bench.toml"), "the display of the rig 'desk' cannot be loaded"),
         (RIG.replace("varjo-xr3", ""), "display must name a calibrated display"),
         (RIG.replace("60.0", "0"), "refresh_rate_hz must be at least 20 Hz, got 0"),
