@@ -25,11 +25,11 @@ demo: setup
 
 # The tests start a hundred processes: those find modules compiled, also where the environment asks for no cache.
 test: .venv/.test-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "not real_time and not every_page"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "not real_time and not every_page and not study"
 
 # Without windows, PsychoPy, shaders, baked light and simulated studies; it needs no `make lab`.
 test-fast: .venv/.dev-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow and not real_time and not every_page"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow and not real_time and not every_page and not study"
 
 # Every command of every page and help; `make test` runs those of the README and of the first hour, and parses all.
 test-docs: .venv/.test-ready
@@ -42,6 +42,7 @@ test-realtime: .venv/.test-ready
 # Simulate, fit, recover: data sets enough to see a bias of some percent. `make test` has a small case of each.
 studies: .venv/.test-ready
 	$(BIN)/python -m pytest -n 2 -o "python_files=claims_*.py" benchmarks/studies
+	$(BIN)/python -m pytest -n 2 -m study tests
 
 # Sessions in an OpenXR runtime with a simulated headset, which `make test` has too: as root, with debootstrap.
 test-headset: .venv/.test-ready

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_ramps import answer_of, ramp_of
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate, trials_of_one_task
 from evenlight.analysis.calibration.fit_report import summary_of
@@ -50,28 +51,13 @@ def session(
         function = PsychometricFunction(own, 1.6, 0.5 if two else 0.05, 0.02)
         success = rng.random() < float(yes_probability(relative * L, function))
         ramp = int(rng.integers(1, 3)) if two else None
-        answer = Response.YES if success else Response.NO
-        if ramp is not None:
-            answer = Response.FIRST if (ramp == 1) == success else Response.SECOND
+        task = Procedure.TWO_INTERVAL if two else Procedure.YES_NO
         trials.append(
-            RampTrial(
-                participant_id=who,
-                session_id="01",
-                trial_index=index,
-                screen="white",
-                factor=L / 100,
-                initial_luminance=L,
-                final_luminance=L - relative * L * duration,
-                rate=relative * L,
-                duration=duration,
-                is_catch=relative == 0,
-                response=answer,
-                response_time=None,
-                simulated=True,
-                procedure=Procedure.TWO_INTERVAL if two else Procedure.YES_NO,
-                ramp_interval=ramp,
+            ramp_of(
+                L, relative * L, participant_id=who, trial_index=index, duration=duration, procedure=task,
+                ramp_interval=ramp, response=answer_of(task, success, ramp),
             )
-        )
+        )  # fmt: skip
     return trials
 
 

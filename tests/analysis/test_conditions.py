@@ -1,7 +1,10 @@
 """Directions and durations: their effects are ratios, and the rate limit is that of one of them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from example_ramps import THRESHOLD
 
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
@@ -10,7 +13,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
-from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.data_schema.threshold import Threshold
 from evenlight.method.rate_limit import rate_limit_at
 
 DISPLAY = Display("bench", 104.4, 0.2, 1.95, 72.28)
@@ -47,26 +50,11 @@ def thresholds(
 def row(
     who: str, L: float, rate: float, condition: Condition, task: Procedure = Procedure.YES_NO
 ) -> Threshold:
-    return Threshold(
-        participant_id=who,
-        screen="white",
-        factor=0.5,
-        luminance=L,
-        threshold=rate,
-        ci_low=rate * 0.75,
-        ci_high=rate * 1.34,
-        standard_error_ln=0.15,
-        width=1.6,
-        guess_rate=0.05,
-        lapse_rate=0.02,
-        false_alarm_rate=0.05,
-        n_trials=48,
-        n_catch=120,
-        flag=ThresholdFlag.NONE,
-        direction=condition.direction,
-        ramp_duration=condition.ramp_duration,
+    return replace(
+        THRESHOLD, participant_id=who, luminance=L, threshold=rate, ci_low=rate * 0.75, ci_high=rate * 1.34,
+        standard_error_ln=0.15, direction=condition.direction, ramp_duration=condition.ramp_duration,
         procedure=task,
-    )
+    )  # fmt: skip
 
 
 @pytest.mark.parametrize("form", [RateLimitForm.LOG_LOG, RateLimitForm.RATE])

@@ -158,6 +158,7 @@ def test_choices_between_two_versions_are_recovered_with_the_interval_of_their_i
     )  # SD as 4 answers of 17 allow
 
 
+@pytest.mark.real_time
 def test_a_fit_with_intervals_takes_less_than_a_second_of_one_core() -> None:
     data = simulated_answers(OrdinalTruth(0.5, slope_sd=0.8, random_slope=True), np.random.default_rng(9))
     start = time.process_time()

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
+from example_ramps import CHOICE, RAMP, answer_of, ramp_of
 from numpy.typing import NDArray
 from scipy import special
 
@@ -17,7 +18,7 @@ from evenlight.analysis.calibration.rate_limit.conditions import Condition
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitForm
-from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial, Response
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
 LUMINANCES = (10.0, 25.0, 60.0, 100.0)
@@ -35,29 +36,13 @@ def ramps(
     procedure: Procedure = Procedure.TWO_INTERVAL,
 ) -> list[RampTrial]:
     """Return trials: at each rate so many successes of so many."""
-    two = procedure is Procedure.TWO_INTERVAL
-    answers = (Response.FIRST, Response.SECOND) if two else (Response.YES, Response.NO)
+    one = CHOICE if procedure is Procedure.TWO_INTERVAL else RAMP
     return [
-        RampTrial(
-            participant_id=who,
-            session_id="01",
-            trial_index=k,
-            screen="white",
-            factor=min(luminance / 100.0, 1.0),
-            initial_luminance=luminance,
-            final_luminance=luminance - rate * duration,
-            rate=rate,
-            duration=duration,
-            is_catch=rate == 0,
-            response=answers[0] if k < yes else answers[1],
-            response_time=None,
-            simulated=True,
-            procedure=procedure,
-            ramp_interval=1 if two else None,
-        )
+        ramp_of(luminance, rate, one, participant_id=who, trial_index=k, duration=duration,
+                response=answer_of(procedure, k < yes))
         for rate, yes, total in successes
         for k in range(total)
-    ]
+    ]  # fmt: skip
 
 
 def expected(

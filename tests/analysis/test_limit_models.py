@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import pytest
+from example_ramps import ramp_of
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
 from evenlight.analysis.calibration.calibration_sections import curve_table
@@ -49,26 +50,11 @@ def trials(
                 rates = np.concatenate([np.repeat(RELATIVE, 10), np.zeros(20)])
                 function = PsychometricFunction(0.03 * L * factor, 1.4, 0.05, 0.02)
                 seen = rng.random(rates.size) < yes_probability(rates * L, function)
-                way = 1 if direction is Direction.UP else -1
                 rows += [
-                    RampTrial(
-                        participant_id=f"{number:02d}",
-                        session_id="01",
-                        trial_index=len(rows) + k,
-                        screen="white",
-                        factor=L / 100,
-                        initial_luminance=L,
-                        final_luminance=L * (1 + way * 5 * rate),
-                        rate=rate * L,
-                        duration=5.0,
-                        direction=direction,
-                        is_catch=rate == 0,
-                        response=Response.YES if yes else Response.NO,
-                        response_time=None,
-                        simulated=True,
-                    )
+                    ramp_of(L, rate * L, participant_id=f"{number:02d}", trial_index=len(rows) + k,
+                            direction=direction, response=Response.YES if yes else Response.NO)
                     for k, (rate, yes) in enumerate(zip(rates.tolist(), seen.tolist(), strict=True))
-                ]
+                ]  # fmt: skip
     return tuple(rows)
 
 

@@ -81,6 +81,7 @@ def test_the_same_answers_give_the_same_fit() -> None:
     assert first.function == second.function
 
 
+@pytest.mark.real_time
 def test_a_fit_with_intervals_takes_at_most_50_ms_of_one_core() -> None:
     durations = []
     for _ in range(10):

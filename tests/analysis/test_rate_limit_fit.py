@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from example_ramps import THRESHOLD
 
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFit, fit_points, fit_thresholds
@@ -23,23 +24,11 @@ WEBER = RateLimitOptions(RateLimitForm.LOG_LOG, degree=1)
 def threshold(
     participant: str, luminance: float, rate: float, se: float = 0.1, flag: ThresholdFlag = ThresholdFlag.NONE
 ) -> Threshold:
-    return Threshold(
-        participant_id=participant,
-        screen="white",
-        factor=0.5,
-        luminance=luminance,
-        threshold=rate,
-        ci_low=rate * np.exp(-1.96 * se),
-        ci_high=rate * np.exp(1.96 * se),
-        standard_error_ln=se,
-        width=1.6,
-        guess_rate=0.05,
-        lapse_rate=0.02,
-        false_alarm_rate=0.05,
-        n_trials=48,
-        n_catch=120,
-        flag=flag,
-    )
+    ends = rate * np.exp([-1.96 * se, 1.96 * se])
+    return dataclasses.replace(
+        THRESHOLD, participant_id=participant, luminance=luminance, threshold=rate, ci_low=ends[0],
+        ci_high=ends[1], standard_error_ln=se, flag=flag,
+    )  # fmt: skip
 
 
 def people(sensitivities: list[float], luminances: tuple[float, ...] = BOTH) -> list[Threshold]:

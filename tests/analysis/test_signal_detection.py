@@ -1,8 +1,10 @@
 """Signal detection: d′, criterion and bias from answers, by hand and as published."""
 
 import math
+from dataclasses import replace
 
 import pytest
+from example_ramps import CHOICE
 from scipy import special
 
 from evenlight.analysis.calibration.psychometric.signal_detection import (
@@ -12,34 +14,16 @@ from evenlight.analysis.calibration.psychometric.signal_detection import (
     interval_biases,
     rate_of_d_prime,
 )
-from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
+from evenlight.data_schema.recordings.ramp import RampTrial, Response
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
-
-
-def choice(ramp: int, first: bool) -> RampTrial:
-    return RampTrial(
-        participant_id="01",
-        session_id="01",
-        trial_index=0,
-        screen="white",
-        factor=1.0,
-        initial_luminance=100.0,
-        final_luminance=90.0,
-        rate=2.0,
-        duration=5.0,
-        is_catch=False,
-        response=Response.FIRST if first else Response.SECOND,
-        response_time=None,
-        simulated=True,
-        procedure=Procedure.TWO_INTERVAL,
-        ramp_interval=ramp,
-    )
 
 
 def choices(first_of_first: int, first_of_second: int, n: int) -> list[RampTrial]:
     """Answers "first" to so many of n ramps in the first interval, and of n in the second."""
-    return [choice(1, i < first_of_first) for i in range(n)] + [
-        choice(2, i < first_of_second) for i in range(n)
+    return [
+        replace(CHOICE, ramp_interval=ramp, response=Response.FIRST if i < said else Response.SECOND)
+        for ramp, said in ((1, first_of_first), (2, first_of_second))
+        for i in range(n)
     ]
 
 

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from example_ramps import ramp_of
 from scipy import special
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts, catch_counts, ramp_counts
@@ -13,30 +14,16 @@ from evenlight.data_schema.recordings.ramp import RampTrial, Response
 from evenlight.data_schema.threshold import ThresholdFlag
 
 
-def trial(participant: str, rate: float, yes: bool, luminance: float = 100.0) -> RampTrial:
-    return RampTrial(
-        participant_id=participant,
-        session_id="01",
-        trial_index=0,
-        screen="white",
-        factor=luminance / 100,
-        initial_luminance=luminance,
-        final_luminance=luminance - 5 * rate,
-        rate=rate,
-        duration=5.0,
-        is_catch=rate == 0,
-        response=Response.YES if yes else Response.NO,
-        response_time=None,
-        simulated=True,
-    )
-
-
 def answers(
     participant: str, table: dict[float, tuple[int, int]], luminance: float = 100.0
 ) -> list[RampTrial]:
     """Trials with, for each rate, so many "yes" of so many."""
     return [
-        trial(participant, rate, i < yes, luminance) for rate, (yes, n) in table.items() for i in range(n)
+        ramp_of(
+            luminance, rate, participant_id=participant, response=Response.YES if i < yes else Response.NO
+        )
+        for rate, (yes, n) in table.items()
+        for i in range(n)
     ]
 
 
@@ -105,14 +92,6 @@ def test_flagged_answers_still_give_a_valid_record() -> None:
         table = {1.0: first, 2.0: first, 4.0: last, 8.0: last}
         record = fit_thresholds_of(answers("01", table))[0].threshold
         assert record.ci_low <= record.threshold <= record.ci_high
-
-
-def test_d_prime_at_the_raw_75_percent_point_follows_the_false_alarm_rate() -> None:
-    # d' = z(0.75) - z(FA): 3.00, 2.32, 1.52 and 0.67 at FA 1, 5, 20 and 50 %. A million catch trials make the
-    # log-linear correction vanish.
-    n = 1_000_000
-    for share, d_prime in ((0.01, 3.00), (0.05, 2.32), (0.20, 1.52), (0.50, 0.67)):
-        assert criterion_of(round(share * n), n).d_prime_at_threshold == pytest.approx(d_prime, abs=0.006)
 
 
 def test_the_log_linear_correction_keeps_the_criterion_finite() -> None:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from example_ramps import CHOICE, answer_of, ramp_of
 from scipy import special
 
 from evenlight.analysis.calibration.level_estimates import logistic_threshold
@@ -18,7 +19,7 @@ from evenlight.analysis.calibration.psychometric.psychometric_fit import (
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts, catch_counts, ramp_counts
 from evenlight.analysis.calibration.psychometric.signal_detection import TWO_INTERVAL_D_PRIME
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of, flag_of
-from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial, Response
+from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial
 from evenlight.data_schema.threshold import ThresholdFlag
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
@@ -115,33 +116,12 @@ def choices(
     table: dict[float, tuple[int, int]], duration: float = 5.0, direction: Direction = Direction.DOWN
 ) -> list[RampTrial]:
     """Choices with, for each rate, so many right of so many; the ramp in either interval in turn."""
-    sign = 1 if direction is Direction.UP else -1
-    trials = []
-    for rate, (right, n) in table.items():
-        for i in range(n):
-            ramp = 1 + i % 2
-            said_first = (ramp == 1) == (i < right)
-            trials.append(
-                RampTrial(
-                    participant_id="01",
-                    session_id="01",
-                    trial_index=i,
-                    screen="white",
-                    factor=0.5,
-                    initial_luminance=50.0,
-                    final_luminance=50.0 + sign * rate * duration,
-                    rate=rate,
-                    duration=duration,
-                    is_catch=False,
-                    response=Response.FIRST if said_first else Response.SECOND,
-                    response_time=None,
-                    simulated=True,
-                    procedure=Procedure.TWO_INTERVAL,
-                    direction=direction,
-                    ramp_interval=ramp,
-                )
-            )
-    return trials
+    return [
+        ramp_of(50.0, rate, CHOICE, duration=duration, direction=direction, ramp_interval=1 + i % 2,
+                response=answer_of(Procedure.TWO_INTERVAL, i < right, 1 + i % 2))
+        for rate, (right, n) in table.items()
+        for i in range(n)
+    ]  # fmt: skip
 
 
 RISING = {0.25: (5, 10), 0.5: (7, 10), 1.0: (9, 10), 2.0: (10, 10)}

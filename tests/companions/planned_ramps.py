@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from example_ramps import ramp_of
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Response
@@ -33,21 +34,10 @@ def simulated(
             for relative in (*rates, *([0.0] * round(len(rates) * 0.25))):
                 seen = rng.random() < float(yes_probability(relative * luminance, function))
                 trials.append(
-                    RampTrial(
-                        participant_id=who,
-                        session_id="01",
-                        trial_index=index,
-                        screen="white",
-                        factor=factor,
-                        initial_luminance=luminance,
-                        final_luminance=luminance * (1 - 5 * relative),
-                        rate=relative * luminance,
-                        duration=5.0,
-                        is_catch=relative == 0,
+                    ramp_of(
+                        luminance, relative * luminance, participant_id=who, trial_index=index, factor=factor,
                         response=Response.YES if seen else Response.NO,
-                        response_time=None,
-                        simulated=True,
                     )
-                )
+                )  # fmt: skip
                 index += 1
     return trials, truth

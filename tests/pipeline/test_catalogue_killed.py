@@ -45,7 +45,7 @@ def test_a_catalogue_whose_client_was_killed_goes_on(command, cluster, tmp_path)
     films, out = many_clips(tmp_path / "films", 6), tmp_path / "out"
     words = ["catalogue", films, "--budget", 0.5, "--out", out, "--no-player", "--quiet"]
     run = Run([str(word) for word in [*words, "--cluster", cluster.scheduler_address]], dict(os.environ))
-    until = time.monotonic() + 60
+    until = time.monotonic() + 200
     while len(written_at(out)) < 2 and time.monotonic() < until:
         time.sleep(0.02)
     run.send_signal(signal.SIGKILL)
@@ -64,7 +64,7 @@ def test_a_scheduler_that_goes_is_told_in_one_line(command, cluster, tmp_path):
     films, out = many_clips(tmp_path / "films", 6), tmp_path / "out"
 
     def close_after_the_first() -> None:
-        until = time.monotonic() + 60
+        until = time.monotonic() + 200
         while not written_at(out) and time.monotonic() < until:
             time.sleep(0.02)
         cluster.close()

@@ -15,6 +15,7 @@ from evenlight.data_schema.storage.text_files import read_json_record
 
 Run = Callable[..., Any]
 S = "sub-02/ses-01"
+LINE = ("--form", "log_log", "--degree", "1")  # one curve is fitted, and none chosen among several
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +80,7 @@ def test_fit_reads_the_others_and_says_who_is_missing_on_the_terminal_in_the_sum
 ) -> None:
     damage(dataset)
     people, said = CASES[damage]
-    outcome = command("fit", dataset, "--out", tmp_path / "out")
+    outcome = command("fit", dataset, *LINE, "--out", tmp_path / "out")
     assert outcome.code == 0, outcome.err
     assert f"warning: {said}" in outcome.err
     assert f"simulated participants: {people}" in outcome.out
@@ -134,7 +135,7 @@ def test_someone_with_catch_trials_alone_is_named_and_stops_nobody(
     path = dataset / S / "trials.jsonl"
     lines = [line for line in path.read_text().splitlines(keepends=True) if '"is_catch": true' in line]
     path.write_text("".join(lines))
-    outcome = command("fit", dataset, "--out", tmp_path / "out")
+    outcome = command("fit", dataset, *LINE, "--out", tmp_path / "out")
     assert outcome.code == 0, outcome.err
     assert "participant 02 has no threshold: catch trials only" in outcome.err
 
