@@ -185,7 +185,7 @@ def test_a_run_writes_tables_that_can_be_read_back(fit_folder: Path) -> None:
         assert (fit_folder / name).exists()
 
 
-def test_more_nodes_are_slower_and_nearer_fewer_are_faster_and_further(fit_folder: Path) -> None:
+def test_more_nodes_are_nearer_and_fewer_further(fit_folder: Path) -> None:
     points = {
         p.approach: p for p in read_rows(BenchmarkPoint, fit_folder / "fit_benchmark.csv") if p.task == YES_NO
     }
@@ -197,7 +197,6 @@ def test_more_nodes_are_slower_and_nearer_fewer_are_faster_and_further(fit_folde
     assert ours.error is not None
     assert double.error is not None
     assert half.error > ours.error > double.error
-    assert half.time < double.time
 
 
 # --- curves benchmark

@@ -67,12 +67,10 @@ def refusal(read: Callable[[Path], Any], path: Path) -> str:
 
 
 @pytest.mark.parametrize(("name", "read"), READERS)
-def test_a_missing_file_is_named(name: str, read: Callable[[Path], Any], tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_are_named(
+    name: str, read: Callable[[Path], Any], tmp_path: Path
+) -> None:
     assert refusal(read, tmp_path / name).startswith(": no such file; expected ")
-
-
-@pytest.mark.parametrize(("name", "read"), READERS)
-def test_a_folder_is_no_file(name: str, read: Callable[[Path], Any], tmp_path: Path) -> None:
     (tmp_path / name).mkdir()
     assert refusal(read, tmp_path / name).startswith(": is a folder; expected ")
 
@@ -149,34 +147,26 @@ def test_each_required_key_is_missed(key: str, tmp_path: Path) -> None:
     assert message == f": the key {key!r} of a rate limit is missing"
 
 
-@pytest.mark.parametrize("number", ["NaN", "Infinity", "-Infinity"])
-def test_json_has_no_such_number(number: str, tmp_path: Path) -> None:
-    """RFC 8259, section 6: NaN and Infinity are not permitted, though Python's parser takes them."""
-    text = json.dumps(LIMIT, indent=1).replace("0.5", number)
+LINES = json.dumps(
+    LIMIT, indent=1
+)  # {, name, display_name, display_fingerprint, form, coefficients, 0.5, ...
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        # RFC 8259, section 6: NaN and Infinity are not permitted, though Python's parser takes them.
+        (LINES.replace("0.5", "NaN"), "not valid JSON at line 7 (NaN is no number of JSON)"),
+        (LINES.replace("0.5", "Infinity"), "not valid JSON at line 7 (Infinity is no number of JSON)"),
+        (LINES.replace("0.5", "-Infinity"), "not valid JSON at line 7 (-Infinity is no number of JSON)"),
+        (LINES.replace("0.5", "1e999"), "coefficients must be finite, got inf"),  # above 1.8e308
+        ('{"name": "a", "name": "b"}', "the key 'name' is there twice"),
+        (LINES[: LINES.index('"form"')], "not valid JSON at line 5"),  # it ends there
+    ],
+)
+def test_json_that_is_none_names_line_and_word(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "r.json").write_text(text)
-    line = text[: text.index(number)].count("\n") + 1
-    message = refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
-    assert f"not valid JSON at line {line} ({number} is no number of JSON)" in message
-
-
-def test_a_number_too_large_for_a_float_is_not_finite(tmp_path: Path) -> None:
-    """1e999 exceeds the largest double, 1.8e308, and is read as infinity."""
-    (tmp_path / "r.json").write_text(json.dumps(LIMIT).replace("0.5", "1e999"))
-    message = refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
-    assert "coefficients must be finite, got inf" in message
-
-
-def test_a_key_that_is_there_twice_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "r.json").write_text('{"name": "a", "name": "b"}')
-    message = refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
-    assert "the key 'name' is there twice" in message
-
-
-def test_json_that_ends_too_early_names_the_line(tmp_path: Path) -> None:
-    text = json.dumps(LIMIT, indent=1)
-    (tmp_path / "r.json").write_text(text[: text.index('"form"')])
-    message = refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
-    assert "not valid JSON at line 5" in message  # after {, name, display_name, display_fingerprint
+    assert message in refusal(lambda path: read_json_record(RateLimit, path), tmp_path / "r.json")
 
 
 @pytest.mark.parametrize("place", ["provenance", "top"])
