@@ -4,6 +4,7 @@ Bounds on shares are those that a true level of 5 %, or coverage of 95 %, passes
 """
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -31,6 +32,7 @@ from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
 from evenlight.hardware.simulated.panel import PanelPhysics
 
 SETS = 20
+ROOT = Path(__file__).parents[2]
 
 
 def most(sets: int) -> float:
@@ -163,3 +165,10 @@ def test_the_bend_of_a_panel_that_droops_is_a_quarter_of_its_droop() -> None:
     assert fit.bend_p is not None
     assert fit.bend_p < 1e-6
     assert not fit.is_linear
+
+
+def test_studies_are_scripts_that_need_nothing_of_the_tests() -> None:
+    companions = {path.stem for path in (ROOT / "tests" / "companions").iterdir()}
+    for path in (ROOT / "benchmarks" / "studies").glob("*.py"):
+        imports = [line for line in path.read_text().splitlines() if line.startswith(("from ", "import "))]
+        assert not companions & {line.split()[1] for line in imports}, path.name
