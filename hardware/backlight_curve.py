@@ -139,7 +139,6 @@ class LinearizedBacklight(WrappedBacklight):
         return max((self._share(one + step) - self._share(one) for one in lower), default=1.0)
 
     def _share(self, factor: float) -> float:
-        """Return the share of the full luminance that the device makes at a factor of its own."""
         if factor < self._refused:
             raise InstrumentError(
                 f"the backlight stands at its factor {factor:.4g}, below {self._lowest:.4g}, the lowest that "

@@ -78,7 +78,6 @@ class SteppedBacklight(ContextDevice):
             restore_and_release(lambda: self._set(self._found), self._release)
 
     def _possible(self, step: int) -> int:
-        """Return a step that the device reports; refuse one that it does not have."""
         if not 0 <= step <= self._steps:
             raise InstrumentError(
                 f"{self._name}: reports step {step}; it has 0 to {self._steps}", Fault.IMPLAUSIBLE

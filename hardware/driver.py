@@ -81,7 +81,6 @@ class Driver:
 
 
 def _named(place: str) -> Any:
-    """Return what a module of `evenlight.hardware` has under a name."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(f"evenlight.hardware.{module}"), name)
 
@@ -148,6 +147,5 @@ def own_simulation(clock: Callable[[], float]) -> Simulation:
 
 
 def _offer(driver: str, drivers: Collection[str]) -> str:
-    """Return what was meant perhaps, and what there is."""
     hint = difflib.get_close_matches(driver, drivers, n=1)
     return (f"did you mean {hint[0]!r}? There" if hint else "there") + f" is {', '.join(drivers)}"

@@ -18,7 +18,6 @@ PHOTO_RESEARCH = "9600 baud, 8N1"
 
 
 def _program(place: str, instrument: str, says: str) -> Driver:
-    """Return a driver that asks a program of the user's."""
     return Driver(
         f"drivers.exec_program:{place}",
         instrument,

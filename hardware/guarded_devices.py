@@ -77,7 +77,6 @@ class GuardedDevice(ContextDevice):
             restore_and_release(self._close_inner, self.link.close)
 
     def _close_inner(self) -> None:
-        """Close the driver."""
         with self._told():
             self._inner.close()
 
@@ -93,7 +92,6 @@ class GuardedDevice(ContextDevice):
             raise InstrumentError(f"{self._name}: {type(error).__name__}: {words}") from error
 
     def _called(self, method: str, *arguments: Any) -> Any:
-        """Return what a method of the driver returns."""
         self._require_open()
         with self._told():
             return getattr(self._inner, method)(*arguments)
@@ -108,14 +106,12 @@ class GuardedDevice(ContextDevice):
             return math.inf
 
     def _finite(self, what: str, value: Any) -> float:
-        """Return a number that the driver gave, if it is a finite one."""
         number = self._number(what, value)
         if not math.isfinite(number):
             raise self._error(what, "a finite number", number)
         return number
 
     def _error(self, what: str, expected: str, value: object) -> InstrumentError:
-        """Return the error of something that the driver returned."""
         return InstrumentError(f"{self._name}: {what} must be {expected}, got {value!r:.60}")
 
 
@@ -176,7 +172,6 @@ class GuardedPowerMeter(GuardedDevice):
     zero = GuardedLuminanceMeter.zero
 
     def _checked(self, samples: Any) -> list[PowerSample]:
-        """Return samples, if they are some."""
         if not isinstance(samples, Sequence):
             raise self._error("samples", "a sequence of evenlight.PowerSample", samples)
         for sample in samples:
@@ -221,7 +216,6 @@ class GuardedBacklight(GuardedDevice):
         return interval
 
     def _share(self, what: str, value: Any) -> float:
-        """Return a share of the full brightness."""
         share = self._number(what, value)
         if not 0 <= share <= 1:
             fault = Fault.IMPLAUSIBLE

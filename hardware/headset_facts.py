@@ -45,14 +45,12 @@ def measure_headset(rig: Rig, frames: int) -> list[str]:
 
 
 def _tracked(facts: HeadsetFacts, shown: Sequence[ShownFrame]) -> str:
-    """Return what is known of the head, and how often it was."""
     tracks = "orientation and position" if facts.tracks_position else "orientation"
     known = sum(frame.tracked for frame in shown)
     return f"{'tracks':<25} {tracks}; known in {known} of {len(shown)} frames"
 
 
 def _rig_lines(rig: Rig, facts: HeadsetFacts) -> list[str]:
-    """Return the lines for the file of a rig in this headset."""
     width, height = facts.eye_size
     rates = ", ".join(f"{rate:g}" for rate in facts.refresh_rates) or "unknown"
     return [

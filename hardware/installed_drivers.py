@@ -93,7 +93,6 @@ def known_drivers(kind: InstrumentKind) -> dict[str, Driver]:
 
 @functools.cache
 def _installed(kind: InstrumentKind, path: tuple[str, ...]) -> dict[str, Driver]:
-    """Return the drivers of the packages that are installed on a path of modules."""
     found: dict[str, Driver] = {}
     for entry in metadata.entry_points(group=kind.group):
         package = entry.dist.name if entry.dist else "of no name"
@@ -111,7 +110,6 @@ def _installed(kind: InstrumentKind, path: tuple[str, ...]) -> dict[str, Driver]
 
 
 def _wrong_with(name: str, driver: object, taken: Mapping[str, Driver]) -> str:
-    """Return what is wrong with a driver that a package names; nothing if it can be used."""
     if name in taken:
         whose = taken[name].package
         return f"is left out: {name!r} is a driver of {f'the package {whose}' if whose else 'Evenlight'}"

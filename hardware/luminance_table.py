@@ -96,7 +96,6 @@ def read_table(path: Path) -> list[TableRow]:
 
 
 def _number(cell: str, what: str, lowest: float, highest: float) -> float:
-    """Return the number in a cell."""
     try:
         number = number_in(cell, what)
     except InputError:

@@ -168,7 +168,6 @@ def conform(
 
 
 def _named(rig: str | None, key: str) -> str:
-    """Return the instrument that a rig names under a key."""
     from evenlight.hardware.rig_files import load_rig
 
     if rig is None:
@@ -187,7 +186,6 @@ def _named(rig: str | None, key: str) -> str:
 
 @contextmanager
 def _saying_what_is_kept(out: Path | None) -> Iterator[None]:
-    """Say where the table is, if the measurement is interrupted."""
     begun_with = out is not None and out.exists()
     try:
         yield
@@ -199,7 +197,6 @@ def _saying_what_is_kept(out: Path | None) -> Iterator[None]:
 
 
 def _show(quiet: bool) -> Callable[[str], None]:
-    """Return what shows a line."""
     return (lambda _: None) if quiet else typer.echo
 
 
@@ -267,7 +264,6 @@ def known_instruments(vendor: int | None, product: int | None) -> dict[str, Driv
 
 
 def _drivers(title: str, drivers: Mapping[str, Driver]) -> Iterable[str]:
-    """Yield the drivers of one kind of instrument."""
     yield title
     for name, driver in drivers.items():
         if not driver.instrument:
@@ -282,14 +278,12 @@ def _drivers(title: str, drivers: Mapping[str, Driver]) -> Iterable[str]:
 
 
 def _found(title: str, lines: list[str], nothing: str = "none") -> Iterable[str]:
-    """Yield what was found of one kind."""
     yield title
     yield from (f"  {line}" for line in lines or [nothing])
     yield ""
 
 
 def _port_line(port: SerialPort) -> str:
-    """Return a serial port, with the instrument of its USB id."""
     words = [port.device]
     if port.vid is not None and port.pid is not None:
         words.append(f"USB {port.vid:04X}:{port.pid:04X}")
@@ -305,12 +299,10 @@ def _port_line(port: SerialPort) -> str:
 
 
 def _folders(root: Path) -> list[Path]:
-    """Return the folders in a folder of the system; none where there is no such."""
     return sorted(root.iterdir()) if root.is_dir() else []
 
 
 def _backlight_line(folder: Path) -> str:
-    """Return a backlight of Linux, with its steps and their scale."""
     steps, scale = _text(folder / "max_brightness"), _text(folder / "scale")
     words = f"sysfs:{folder.name}  {steps or 'an unknown number of'} steps"
     if scale == "non-linear":
@@ -319,12 +311,10 @@ def _backlight_line(folder: Path) -> str:
 
 
 def _bus_line(folder: Path) -> str:
-    """Return an I2C bus."""
     return f"ddc:{folder.name.removeprefix('i2c-')}  {_text(folder / 'name') or 'without a name'}"
 
 
 def _sensor_lines(system: Path) -> Iterable[str]:
-    """Yield the sensors of power, or of current and voltage."""
     for folder in _folders(system / "class/hwmon"):
         inputs = sorted(path.name for path in folder.glob("*[0-9]_input"))
         power = [name for name in inputs if name.startswith("power")]
@@ -337,7 +327,6 @@ def _sensor_lines(system: Path) -> Iterable[str]:
 
 
 def _text(path: Path) -> str:
-    """Return what a file of the system says; nothing where it says nothing."""
     try:
         return path.read_text(encoding="utf-8").strip()
     except OSError:

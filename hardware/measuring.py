@@ -177,7 +177,6 @@ class _SampleLog:
 def _simulation(
     physics: PanelPhysics, clock: Callable[[], float], wait: Callable[[float], None]
 ) -> Simulation:
-    """Return a white panel to look at."""
     import numpy as np
 
     panel = SimulatedPanel(physics, clock)
@@ -208,34 +207,29 @@ def _rows(stack: ExitStack, out: Path | None, cls: type[Any]) -> Callable[[Itera
 
 
 def _introduce(apparatus: dict[str, str], show: ShowLine) -> None:
-    """Show what an instrument says of itself."""
     if apparatus:
         show(", ".join(f"{key.replace('_', ' ')}: {value}" for key, value in apparatus.items()))
 
 
 def _row(index: int, reading: Reading, first: float, name: str, utc: str) -> MeterReading:
-    """Return a reading as a row."""
     x, y = reading.chromaticity or (None, None)
     begun, ended = reading.begun - first, reading.ended - first
     return MeterReading(index, utc, begun, ended, reading.value, name, reading.status, x, y)
 
 
 def _shown(index: int, reading: Reading, first: float) -> str:
-    """Return a reading as one line."""
     colour = "" if reading.chromaticity is None else "  x {:.4f}  y {:.4f}".format(*reading.chromaticity)
     took = f"{reading.begun - first:8.1f} s  (took {reading.ended - reading.begun:.1f} s)"
     return f"{index:4d}  {took}  {reading.value:10.4g} {reading.unit}{colour}  {reading.status}".rstrip()
 
 
 def _closing(values: list[float], name: str) -> str:
-    """Return mean and standard deviation of readings, in words."""
     spread = f", standard deviation {statistics.stdev(values):.3g} cd/m^2" if len(values) > 1 else ""
     plural = "s" if len(values) > 1 else ""
     return _labelled(f"{statistics.fmean(values):.5g} cd/m^2, {len(values)} reading{plural}{spread}", name)
 
 
 def _average_line(average: PowerAverage, name: str) -> str:
-    """Return an average of power, in words."""
     lost = average.n_lost / (average.n_samples + average.n_lost)
     return _labelled(
         f"{average.power:.5g} W over {average.duration:.3g} s, weighted by time; standard deviation of the "
@@ -246,7 +240,6 @@ def _average_line(average: PowerAverage, name: str) -> str:
 
 
 def _labelled(line: str, name: str) -> str:
-    """Return a line that says so where the instrument was a simulated one."""
     return f"SIMULATED: {line}" if is_simulated(name) else line
 
 
@@ -292,13 +285,11 @@ def _preparation(name: str) -> str:
 
 
 def _meters() -> dict[str, Driver]:
-    """Return the drivers of all meters by name."""
     both = known_drivers(InstrumentKind.LUMINANCE) | known_drivers(InstrumentKind.POWER)
     return {name: driver for name, driver in both.items() if driver.place}
 
 
 def _named(name: str) -> NamedDriver:
-    """Return what the name of a meter says."""
     return named_driver(name, _meters(), "luminance or power meter")
 
 

@@ -105,7 +105,6 @@ def require_power(driver: str, device: str, power: float) -> None:
 
 
 def _require(span: Span, device: str, value: float, unit: str) -> None:
-    """Refuse a value outside a span."""
     if not (math.isfinite(value) and span.least <= value <= span.most):
         raise InstrumentError(
             f"{device}: sent {value:g} {unit}; what it measures is {span.least:g} to {span.most:g} {unit}",

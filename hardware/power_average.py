@@ -168,7 +168,6 @@ def _lost_at_the_ends(once: list[PowerSample], seconds: float, period: float) ->
 
 
 def _require_enough(came: int, lost: int, at_ends: int) -> None:
-    """Refuse an average of less than half of the samples."""
     if lost <= MOST_LOST * (came + lost):
         return
     if at_ends > lost / 2:

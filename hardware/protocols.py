@@ -312,6 +312,5 @@ class ContextDevice:
         self._closed = True
 
     def _require_open(self) -> None:
-        """Refuse to work after `close`."""
         if self._closed:
             raise InstrumentError(f"{self._name}: is closed", Fault.DISCONNECTED)

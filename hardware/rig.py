@@ -232,7 +232,6 @@ def backlights_smallest_factor(rig: Rig) -> float:
 def _open_device(
     rig: Rig, clock: Callable[[], float], simulation: Simulation | None, *, curve_known: bool
 ) -> Backlight | None:
-    """Return the rig's backlight by its own factors."""
     if rig.backlight == NO_BACKLIGHT:
         return None
     named = find_driver(rig.backlight, InstrumentKind.BACKLIGHT)

@@ -61,7 +61,6 @@ def rig_names() -> list[str]:
 
 
 def _rig_file(name_or_path: str) -> Path:
-    """Return the file of a rig."""
     if name_or_path in rig_names():
         return RIGS / f"{name_or_path}.rig.toml"
     path = Path(name_or_path)

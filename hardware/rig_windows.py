@@ -63,7 +63,6 @@ def open_window(
 
 
 def _window_in_headset(rig: Rig, link: HeadsetLink, refresh_clock: RefreshClock | None) -> HeadsetWindow:
-    """Return the window in a headset that is open, or close that."""
     from evenlight.hardware.presentation.headset_window import HeadsetWindow
 
     try:
@@ -181,7 +180,6 @@ def open_held_keys(window: Window) -> HeldKeys | None:
 
 
 def _in_headset(window: Window) -> TypeGuard[HeadsetWindow]:
-    """Return whether a window is one in a headset."""
     from evenlight.hardware.presentation.headset_window import HeadsetWindow
 
     return isinstance(window, HeadsetWindow)

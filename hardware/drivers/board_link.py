@@ -200,7 +200,6 @@ class PowerBoard(ContextDevice):
         return None
 
     def _own_reply(self, kind: str, words: list[str], command: str) -> list[str] | None:
-        """Return the words of a reply if it is to the last command; raise if that was refused."""
         # A board that could not read a command cannot say its number, either: it answers to number 0.
         unread = kind == "ERR" and words[:2] == ["0", "1"]
         if not command or (words[0] != str(self._tag) and not unread):
@@ -210,7 +209,6 @@ class PowerBoard(ContextDevice):
         return words[2:] if words[1:2] == command.split(" ")[:1] else None
 
     def _error(self, words: list[str], what: str) -> InstrumentError:
-        """Return an error of the board's, by its number and words."""
         number = int(words[0]) if words and words[0].isdigit() else 0
         meaning = protocol.ERROR_WORDS.get(number, "an error that this program does not know")
         own = " ".join(words[1:]).replace("_", " ")
@@ -221,7 +219,6 @@ class PowerBoard(ContextDevice):
         )
 
     def _identify(self) -> BoardIdentity:
-        """Return what the board says of itself; refuse anything else."""
         try:
             self._link.forget()
             words = self.ask("ID?")
@@ -253,7 +250,6 @@ class PowerBoard(ContextDevice):
 
 
 def _identity_of(said: dict[str, str], name: str) -> BoardIdentity:
-    """Return a board's identity from the words of its reply, if that holds what a board may be."""
     try:
         identity = BoardIdentity(
             chip=said["chip"],
@@ -276,7 +272,6 @@ def _identity_of(said: dict[str, str], name: str) -> BoardIdentity:
 
 
 def _no_identity(name: str, what: str) -> InstrumentError:
-    """Return the error of an identity that is none."""
     return InstrumentError(
         f"{name}: its identity cannot be read ({what}); is its firmware older than this program?",
         Fault.WRONG_INSTRUMENT,

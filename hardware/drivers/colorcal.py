@@ -61,7 +61,6 @@ class ColorCal(SerialMeter):
         self._ask(self._set_zero)
 
     def _begin(self) -> None:
-        """Ask who it is, and for its matrix."""
         self._link.write(b"IDR\n")
         line = self._next_line()
         if not _is_identity(line):
@@ -77,11 +76,9 @@ class ColorCal(SerialMeter):
         self._link.write(b"IDR\n")
 
     def _is_landmark(self, line: str) -> bool:
-        """Return whether a line is its identity."""
         return line == self._identity
 
     def _measure(self) -> MeterAnswer:
-        """Ask for X, Y and Z as measured, and correct them."""
         raw = self._numbers(b"MES\n", VALUES)
         self._require_no_more()
         X, Y, Z = (sum(entry * value for entry, value in zip(row, raw, strict=True)) for row in self._matrix)
@@ -89,12 +86,10 @@ class ColorCal(SerialMeter):
         return MeterAnswer(Y, FINE, (X / total, Y / total) if total > 0 else None)
 
     def _set_zero(self) -> None:
-        """Ask it to take what it sees for black."""
         if (line := self._reply(b"UZC\n")) != FINE:
             raise self._error(f"sent {line!r} instead of {FINE}", Fault.GARBLED)
 
     def _row(self, command: bytes) -> Row:
-        """Return one row of its matrix."""
         row = self._numbers(command, ENTRIES)
         if not all(0 <= entry < 2 * NEGATIVE for entry in row):
             raise self._error(f"sent {row} as a row of its matrix", Fault.GARBLED)
@@ -102,14 +97,12 @@ class ColorCal(SerialMeter):
         return first, second, third
 
     def _numbers(self, command: bytes, form: re.Pattern[str]) -> Row:
-        """Return the three numbers of a reply."""
         line = self._reply(command)
         if (found := form.fullmatch(line)) is None:
             raise self._error(f"sent {line!r} instead of three numbers", Fault.GARBLED)
         return float(found[1]), float(found[2]), float(found[3])
 
     def _reply(self, command: bytes) -> str:
-        """Send a command, and return its reply, if that is no error."""
         self._link.write(command)
         line = self._next_line()
         code = line.partition(",")[0]
@@ -125,6 +118,5 @@ class ColorCal(SerialMeter):
 
 
 def _is_identity(line: str) -> bool:
-    """Return whether a line is the answer to IDR."""
     fields = line.split(",")
     return len(fields) == IDENTITY_FIELDS and fields[0] == FINE

@@ -90,7 +90,6 @@ class DdcBacklight(SteppedBacklight):
             raise
 
     def _set(self, step: int) -> None:
-        """Set the monitor to a step, and ask whether it has taken it."""
         control = self._open_control()
         self._pace()
         self._attempt(lambda: control.set_vcp_feature(BRIGHTNESS, step))
@@ -101,7 +100,6 @@ class DdcBacklight(SteppedBacklight):
             )
 
     def _read_step(self) -> int:
-        """Return the step that the monitor reports; it takes about 0.1 s."""
         step, steps = self._ask(BRIGHTNESS)
         if steps != self._steps:
             raise InstrumentError(
@@ -144,12 +142,10 @@ class DdcBacklight(SteppedBacklight):
         self._in_doubt = False
 
     def _pace(self) -> None:
-        """Wait until the monitor takes the next message."""
         if (due := self._next - self._clock()) > 0:
             self._wait(due)
 
     def _attempt(self, message: Callable[[], Any]) -> Any:
-        """Exchange one message with the library, and say in our words what goes wrong."""
         from monitorcontrol.vcp import VCPError
 
         try:
@@ -160,7 +156,6 @@ class DdcBacklight(SteppedBacklight):
             self._next = self._clock() + COMMAND_INTERVAL
 
     def _fault(self, error: Exception) -> InstrumentError:
-        """Return what the library's error means."""
         cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
         number = getattr(cause, "errno", None)
         if isinstance(cause, PermissionError):
@@ -190,17 +185,14 @@ class DdcBacklight(SteppedBacklight):
         return InstrumentError(f"{self._name}: sent what is no reply ({error})", Fault.GARBLED)
 
     def _require_open(self) -> None:
-        """Refuse to work after `close`, or after the connection broke."""
         self._open_control()
 
     def _open_control(self) -> Any:
-        """Return the library's control of the monitor, if it is open."""
         if self._control is None:
             raise InstrumentError(f"{self._name}: is no longer connected", Fault.DISCONNECTED)
         return self._control
 
     def _release(self) -> None:
-        """Let go of the bus."""
         control, self._control = getattr(self, "_control", None), None
         if control is not None:
             try:
@@ -227,7 +219,6 @@ def checksum(data: bytes) -> int:
 
 
 def _control(number: int, name: str) -> Any:
-    """Return the library's control of a monitor."""
     try:
         if sys.platform.startswith("linux"):
             from monitorcontrol.vcp.vcp_linux import LinuxVCP

@@ -57,7 +57,6 @@ class DeviceLock:
 
 
 def _holder(file: os.stat_result) -> str:
-    """Return who holds the lock on a file, in words."""
     place = f"{os.major(file.st_dev):02x}:{os.minor(file.st_dev):02x}:{file.st_ino}"
     with contextlib.suppress(OSError):
         for line in LOCKS.read_text(encoding="utf-8").splitlines():
@@ -70,7 +69,6 @@ def _holder(file: os.stat_result) -> str:
 
 
 def _name_of(process: str) -> str:
-    """Return the name of a process."""
     try:
         return Path("/proc", process, "comm").read_text(encoding="utf-8").strip()
     except OSError:  # Linux may hide those of other users

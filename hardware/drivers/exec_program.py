@@ -50,7 +50,6 @@ class ExecDevice(ContextDevice):
         self._name, self._timeout = self._program.name, self._longest if timeout is None else timeout
 
     def _identity(self, model: str, serial: str) -> dict[str, str]:
-        """Return what the program says of its instrument, by the keys of its kind."""
         self._require_open()
         answer = self._program.ask({"read": "apparatus"}, self._timeout)
         said = {model: answer.get("model", "a program's"), serial: answer.get("serial_number")}
@@ -133,7 +132,6 @@ class ExecPowerMeter(ExecDevice, SamplingMeter):
             self._program.end()
 
     def _sample(self, answer: dict[str, Any], came: float, received: float) -> PowerSample:
-        """Return a line as a sample that came at some time [s]."""
         power = self._program.number(answer, "power_w")
         time_ = self._program.number({"time_s": came} | answer, "time_s")
         count = self._program.number({"count": self._count} | answer, "count")
@@ -192,5 +190,4 @@ class ExecBacklight(ExecDevice):
             restore_and_release(lambda: self._asked({"factor": self._found}), self._program.end)
 
     def _asked(self, question: dict[str, Any]) -> float:
-        """Return the factor that a question is answered with."""
         return self._program.number(self._program.ask(question, self._timeout), "factor")

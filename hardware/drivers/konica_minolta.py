@@ -63,7 +63,6 @@ class MinoltaMeter(SerialMeter):
         return {"model": f"Konica Minolta {self.model}, as named", "measuring mode": "absolute"}
 
     def _begin(self) -> None:
-        """Set it to absolute luminances."""
         self._link.write(ABSOLUTE)
         line = self._next_line(skip=_holds_data)  # a reading that another program had asked for
         if line == SETTLED:
@@ -79,11 +78,9 @@ class MinoltaMeter(SerialMeter):
         self._link.write(ABSOLUTE)
 
     def _is_landmark(self, line: str) -> bool:
-        """Return whether a line is the answer to the mode."""
         return line == SETTLED
 
     def _measure(self) -> MeterAnswer:
-        """Ask for one reading."""
         line, found = self._reply()
         self._require_length(line)
         self._require_no_more()
@@ -100,7 +97,6 @@ class MinoltaMeter(SerialMeter):
         return MeterAnswer(float(luminance), code, (x_y[0], x_y[1]) if x_y else None)
 
     def _reply(self) -> tuple[str, re.Match[str]]:
-        """Return the reply to the question for a reading, and what is in it, if it has the model's form."""
         self._link.write(MEASURE)
         line = self._next_line()
         if found := self.form.fullmatch(line):
@@ -117,11 +113,9 @@ class MinoltaMeter(SerialMeter):
         """Refuse a reply of another length than the instrument's: it has lost characters, or gained some."""
 
     def _wrong_length(self, line: str, length: int) -> Exception:
-        """Return the error of a reply of another length."""
         return self._error(f"sent {line!r}, {len(line)} characters instead of {length}", Fault.GARBLED)
 
     def _refusal(self, code: str) -> Exception:
-        """Return the error of a check code."""
         words, fault = CHECK_CODES.get(code, ("a check code that its manual does not have", Fault.REFUSED))
         return self._error(f"{words} (check code {code})", fault, code)
 
@@ -164,5 +158,4 @@ class Cs100a(MinoltaMeter):
 
 
 def _holds_data(line: str) -> bool:
-    """Return whether a line is the reply to a measurement."""
     return line.startswith("OK") and "," in line

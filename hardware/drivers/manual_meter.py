@@ -74,7 +74,6 @@ class ManualMeter(ContextDevice):
         return {"model": self._instrument or "read by eye, and typed in"}
 
     def _typed(self, question: str) -> str:
-        """Return what was typed."""
         try:
             return self._ask(question).strip()
         except EOFError:

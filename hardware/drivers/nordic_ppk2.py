@@ -183,7 +183,6 @@ class Ppk2PowerMeter(SamplingMeter):
         super().close()
 
     def _averaged(self, data: bytes, *, is_last: bool = False) -> list[PowerSample]:
-        """Return the samples that some bytes complete."""
         received = self._clock()
         try:
             words, places = self._stream.take(data, is_last=is_last)
@@ -199,7 +198,6 @@ class Ppk2PowerMeter(SamplingMeter):
         return [self._sample(part, received) for part in parts]
 
     def _sample(self, rows: NDArray[np.float64], received: float) -> PowerSample:
-        """Return the sample that the words of some neighbouring places make."""
         current, index = float(rows[:, 1].mean()), int(rows[0, 0] // self._width)
         if current > HIGHEST_CURRENT:
             raise self._over_range(f"{current:.3f} A")
@@ -241,14 +239,12 @@ class Ppk2PowerMeter(SamplingMeter):
                 raise InstrumentError(f"{self._name}: {words}", fault)
 
     def _read(self) -> bytes:
-        """Return what has come; at once."""
         parts = []
         while part := self._do(self._api.get_data):
             parts.append(part)
         return b"".join(parts)
 
     def _drained(self) -> bytes:
-        """Return what comes until nothing more does."""
         came, begun = b"", time.monotonic()
         last = begun
         while time.monotonic() < last + QUIET:
@@ -363,7 +359,6 @@ class _CheckedPort:
 
 
 def _opened(place: str, name: str, timeout: float) -> Any:
-    """Return the library's object of an open port."""
     try:
         from ppk2_api import ppk2_api
     except ImportError:

@@ -149,7 +149,6 @@ class Pr655(SerialMeter):
         }
 
     def _begin(self) -> None:
-        """Enter remote mode, refuse another model, and set SI units."""
         self._enter_remote_mode()
         model = self._answer("D111")
         if self.model not in model:
@@ -185,12 +184,10 @@ class Pr655(SerialMeter):
         self._send("D110")
 
     def _is_landmark(self, line: str) -> bool:
-        """Return whether a line is the serial number."""
         code, _, rest = line.partition(",")
         return bool(CODE.fullmatch(code)) and rest.strip() == self._serial_number
 
     def _measure(self) -> MeterAnswer:
-        """Ask for luminance and chromaticity, and for the same again: code, units, Y, x, y."""
         found = READING.fullmatch(line := self._answer("M1"))
         if found is None:
             raise self._error(f"sent {line!r}, which is no reading", Fault.GARBLED)
@@ -222,7 +219,6 @@ class Pr655(SerialMeter):
         return rest
 
     def _send(self, command: str) -> None:
-        """Send a command, one character at a time."""
         self._link.write(command.encode() + b"\r", self._interval)
 
 
@@ -245,7 +241,6 @@ class Pr650(SerialMeter):
         return {"model": "Photo Research PR-650, as named", "settings": PR650_SET_UP.decode().strip()}
 
     def _begin(self) -> None:
-        """Light its display, and set lens, exposures and units."""
         for command in (PR650_BACKLIGHT_ON, PR650_SET_UP):
             self._link.write(command)
             line = self._next_line(skip=self._is_landmark)
@@ -263,11 +258,9 @@ class Pr650(SerialMeter):
         self._link.write(PR650_TRISTIMULUS)
 
     def _is_landmark(self, line: str) -> bool:
-        """Return whether a line has the last measurement."""
         return line.count(",") == 4
 
     def _measure(self) -> MeterAnswer:
-        """Measure, then ask for X, Y and Z, and for the same again."""
         self._link.write(PR650_MEASURE)
         line = self._next_line()
         if not PR650_CODE.fullmatch(line):
@@ -286,14 +279,12 @@ class Pr650(SerialMeter):
         return MeterAnswer(Y, "00", (X / total, Y / total) if total > 0 else None)
 
     def _values(self) -> str:
-        """Return the line with the values of the last measurement."""
         self._ask_landmark()
         line = self._next_line()
         self._n_due -= self._is_landmark(line)
         return line
 
     def _refuse(self, code: int) -> None:
-        """Refuse a quality code that is not that of a good measurement."""
         if code != 0:
             words, fault = PR650_QUALITY.get(code, ("a code that its manual does not have", Fault.REFUSED))
             raise self._error(f"{words} (quality code {code})", fault, str(code))

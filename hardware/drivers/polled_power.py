@@ -375,7 +375,6 @@ class AdbPowerMeter(GaugePowerMeter):
         return values
 
     def _printed(self) -> str:
-        """Return what the device's shell prints; adb's own words say why it prints nothing."""
         try:
             done = run(self._command, stdin=DEVNULL, capture_output=True, timeout=self._timeout, check=False)
         except OSError as error:

@@ -144,7 +144,6 @@ class BoardPowerMeter(SamplingMeter):
                 self._board.release()
 
     def _take(self) -> None:
-        """Take in the lines that have come."""
         for received, body in self._board.sample_lines():
             try:
                 line = protocol.parse_sample(body)
@@ -166,7 +165,6 @@ class BoardPowerMeter(SamplingMeter):
             )
 
     def _require_measurement(self, line: protocol.SampleLine) -> None:
-        """Refuse a sample whose power the sensor could not measure."""
         require_power("board", self._name, line.power)
         identity, flag = self._board.identity(), protocol.Flag
         if line.flags & (flag.SHUNT_OVERLOAD | flag.BUS_OVERLOAD):
@@ -185,7 +183,6 @@ class BoardPowerMeter(SamplingMeter):
             )
 
     def _require_news(self) -> None:
-        """Refuse a silence that is far longer than the rate says."""
         silence = time.monotonic() - self._last_sample
         if silence > max(SILENCE, SILENT_SAMPLES / self._rate):
             raise InstrumentError(
@@ -195,12 +192,10 @@ class BoardPowerMeter(SamplingMeter):
             )
 
     def _handed_over(self) -> list[PowerSample]:
-        """Return the samples taken in, and keep none."""
         pending, self._pending = self._pending, []
         return pending
 
     def _board_clock(self) -> int:
-        """Return the board's clock [µs], all of it."""
         return whole_in(self._board.ask("CLOCK?"), self._name, lowest=0)
 
 
@@ -236,7 +231,6 @@ class BoardBacklight(SteppedBacklight):
             raise
 
     def _set(self, step: int) -> None:
-        """Set the backlight to a step, and see whether the board has taken it."""
         achieved = self._step_in(self._board.ask(f"B {step}"))
         if achieved != step:
             raise InstrumentError(
@@ -244,18 +238,15 @@ class BoardBacklight(SteppedBacklight):
             )
 
     def _read_step(self) -> int:
-        """Return the step that the board reports."""
         return self._step_in(self._board.ask("B?"))
 
     def _step_in(self, words: list[str]) -> int:
-        """Return the step that a reply holds."""
         step = whole_in(words, self._name, lowest=0)
         if step > self._steps:
             raise InstrumentError(f"{self._name}: reports step {step} of {self._steps}", Fault.GARBLED)
         return step
 
     def _release(self) -> None:
-        """Let go of the board."""
         self._board.release()
 
 

@@ -24,7 +24,6 @@ class SamplingMeter(ContextDevice):
         return None
 
     def _require_sampling(self, *, is_sampling: bool) -> None:
-        """Refuse to give samples before `start`, or after `close`."""
         self._require_open()
         if not is_sampling:
             raise InstrumentError(f"{self._name}: is not sampling; start it first")

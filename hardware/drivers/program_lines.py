@@ -127,7 +127,6 @@ class ProgramLines:
         return float(value)
 
     def _send(self, question: dict[str, Any]) -> None:
-        """Send a question, to a program that is started for it if none runs."""
         if self._process is None:
             self._came = self._said = b""
             try:
@@ -172,7 +171,6 @@ class ProgramLines:
             raise self.error(f"{how}, and gave no answer", Fault.DISCONNECTED)
 
     def _parsed(self, line: bytes) -> dict[str, Any]:
-        """Return a line as the JSON object that it is to be."""
         try:
             answer = json.loads(line)
         except (ValueError, RecursionError):
@@ -185,6 +183,5 @@ class ProgramLines:
 
     @staticmethod
     def _signal(process: subprocess.Popen[bytes], number: signal.Signals) -> None:
-        """Send a signal to a program and all that it has started."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(process.pid, number)

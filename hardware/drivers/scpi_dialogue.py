@@ -143,7 +143,6 @@ class ScpiDialogue:
         return line
 
     def _look(self, seconds: float) -> str | None:
-        """Return the next line if it is there, or comes within some time [s]."""
         if b"\n" not in self._rest:
             self._rest += self._taken(seconds)
         line, end, rest = self._rest.partition(b"\n")
@@ -207,7 +206,6 @@ class ScpiDialogue:
         return names[0]
 
     def _failed(self, error: Exception, otherwise: Fault) -> InstrumentError | InputError:
-        """Return what an error of PyVISA's says; a connection that is gone is closed."""
         if isinstance(error, InputError | InstrumentError):
             return error
         self.close()

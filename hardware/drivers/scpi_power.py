@@ -190,7 +190,6 @@ class ScpiPowerMeter(SamplingMeter):
         super().close()
 
     def _find_questions(self) -> dict[str, str]:
-        """Return the questions whose answers make power, with the unit of each."""
         if self._is_yokogawa:
             element = f"P,{self._channel or 1}"
             self._dialogue.send(FIRST_ITEM.format(self._channel or 1))
@@ -220,7 +219,6 @@ class ScpiPowerMeter(SamplingMeter):
         return not self._understands(form.format(quantity, NO_CHANNEL), UNITS[quantity])
 
     def _understands(self, question: str, unit: str) -> bool:
-        """Return whether the instrument answers a question with a number."""
         try:
             number_in(self._dialogue.answer_if_known(question, PROBE), unit, self._name)
         except InstrumentError as error:

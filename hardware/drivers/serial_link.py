@@ -230,13 +230,11 @@ class SerialLink(ContextDevice):
             )
 
     def _open_port(self) -> serial.SerialBase:
-        """Return the port, if it is open."""
         if self._port is None:
             raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
         return self._port
 
     def _missing(self) -> InstrumentError:
-        """Return the error of a line that did not come, or broke off."""
         came, self._came = self._came, b""
         if came:
             return InstrumentError(f"{self.name}: its reply broke off after {_quoted(came)}", Fault.GARBLED)
@@ -245,7 +243,6 @@ class SerialLink(ContextDevice):
         )
 
     def _broken(self, error: Exception) -> InstrumentError:
-        """Close the port, and return the error of a connection that is gone."""
         try:
             self.close()
         except BROKEN:  # a port that is gone may not even close
@@ -254,7 +251,6 @@ class SerialLink(ContextDevice):
 
 
 def _await_bytes(port: serial.SerialBase, seconds: float) -> None:
-    """Wait until a port has something to read, and no longer than some time [s]."""
     try:
         select.select([port.fileno()], [], [], seconds)
     except (AttributeError, OSError, ValueError):  # a port that is no file, as on Windows
@@ -262,7 +258,6 @@ def _await_bytes(port: serial.SerialBase, seconds: float) -> None:
 
 
 def _open(url: str, settings: LineSettings, name: str) -> serial.SerialBase:
-    """Return a port, open for this program alone."""
     import serial
 
     own = {} if "://" in url else {"exclusive": True}  # a socket serves one client by itself
@@ -310,6 +305,5 @@ def port_error(name: str, error: Exception) -> InstrumentError:
 
 
 def _quoted(came: bytes) -> str:
-    """Return the beginning of what came, as a message quotes it."""
     text = came.decode("ascii", errors="backslashreplace")
     return repr(text[:SHOWN]) + ("…" if len(text) > SHOWN else "")

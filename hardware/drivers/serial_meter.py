@@ -124,7 +124,6 @@ class SerialMeter(ContextDevice):
         """Return whether a line is the answer to `_send_landmark`."""
 
     def _ask_landmark(self) -> None:
-        """Ask for the landmark, which is then due."""
         self._n_due += 1
         self._send_landmark()
 
@@ -142,7 +141,6 @@ class SerialMeter(ContextDevice):
         return self._n_checked
 
     def _require_landmark(self) -> None:
-        """Ask for the landmark, and refuse anything else."""
         self._ask_landmark()
         if not self._is_landmark(line := self._next_line()):
             raise self._error(f"sent {line!r} besides its answer; {SECOND}", Fault.GARBLED)
@@ -162,13 +160,11 @@ class SerialMeter(ContextDevice):
         self._link.forget()
 
     def _wait_for_landmarks(self) -> None:
-        """Throw away lines, up to the last landmark that is due."""
         while self._n_due:
             self._wait_for_line(self._is_landmark)
             self._n_due -= 1
 
     def _require_copy(self, line: str, copy: str) -> None:
-        """Refuse what is another when it is asked for again."""
         if copy != line:
             raise self._error(f"sent {line!r}, then {copy!r} for it; {SECOND}", Fault.GARBLED)
 
@@ -189,7 +185,6 @@ class SerialMeter(ContextDevice):
             return answer
 
     def _found_luminance(self) -> MeterAnswer:
-        """Return one reading, if its luminance is one: not below zero, and one that it can measure."""
         found = self._measure()
         if found.luminance < 0 or (found.luminance == 0 and not self.zero_is_a_reading):
             raise self._error(
@@ -202,7 +197,6 @@ class SerialMeter(ContextDevice):
         return found
 
     def _next_line(self, skip: Callable[[str], bool] = lambda line: False) -> str:
-        """Return the next line that is not blank, and not one to be skipped."""
         end = self._end()
         for _ in range(MOST_SKIPPED):
             line = self._link.read_line(max(end - time.monotonic(), 0.0)).strip(BLANK)
@@ -211,7 +205,6 @@ class SerialMeter(ContextDevice):
         raise self._error("sends line after line that was not asked for", Fault.GARBLED)
 
     def _wait_for_line(self, wanted: Callable[[str], bool]) -> None:
-        """Throw away lines, garbled ones too, up to one that is wanted."""
         end = min(self._end(), time.monotonic() + LANDMARK_TIME)
         for _ in range(MOST_SKIPPED):
             try:
@@ -225,16 +218,13 @@ class SerialMeter(ContextDevice):
         raise self._error("does not answer what it is asked", Fault.GARBLED)
 
     def _end(self) -> float:
-        """Return when an answer that is asked for now has to be there [s]."""
         return min(time.monotonic() + self._timeout, self._all_over)
 
     def _error(self, words: str, fault: Fault, code: str = "") -> InstrumentError:
-        """Return an error that names the device and its port."""
         return InstrumentError(f"{self._link.name}: {words}", fault, code)
 
     @contextlib.contextmanager
     def _advice(self) -> Iterator[None]:
-        """Add to an error of an instrument that does not answer what would make it listen."""
         try:
             yield
         except InstrumentError as error:

@@ -86,7 +86,6 @@ class RtsTrigger(SerialTrigger):
         super().close()
 
     def _set(self, *, high: bool) -> None:
-        """Set the line."""
         try:
             setattr(self._open_port(), self.line, high)
         except BROKEN as error:

@@ -127,7 +127,6 @@ class Spotread(ContextDevice):
         return {"model": self._instrument, "program": f"ArgyllCMS spotread {self._version}"}
 
     def _looked_up(self) -> tuple[str, str]:
-        """Return the program's version and the instrument's name in its list."""
         if shutil.which(self._program) is None:
             raise InstrumentError(
                 f"{self._program}: no such program; install ArgyllCMS (on Debian: apt install argyll)",
@@ -144,7 +143,6 @@ class Spotread(ContextDevice):
         return version[1], listed[self._number]
 
     def _run(self, options: Sequence[str], timeout: float) -> str:
-        """Return what the program prints; it is ended if it takes too long."""
         environment = os.environ | {"ARGYLL_NOT_INTERACTIVE": "1"}
         try:
             done = subprocess.run(
@@ -170,7 +168,6 @@ class Spotread(ContextDevice):
         return _text(done.stdout)
 
     def _failure(self, printed: str) -> InstrumentError:
-        """Return the error of a run without a result."""
         for pattern, words, fault in REASONS:
             if found := re.search(pattern, printed):
                 return InstrumentError(
@@ -180,18 +177,15 @@ class Spotread(ContextDevice):
 
 
 def _text(printed: bytes) -> str:
-    """Return what was printed, bytes that are no text included."""
     return printed.decode("utf-8", errors="backslashreplace")
 
 
 def _line_of(printed: str, found: re.Match[str]) -> str:
-    """Return the line in which something was found."""
     begin = printed.rfind("\n", 0, found.start()) + 1
     end = printed.find("\n", found.end())
     return printed[begin : end if end >= 0 else None].strip()
 
 
 def _last_line(printed: str) -> str:
-    """Return the last line that was printed, as a message quotes it."""
     lines = [line.strip() for line in printed.splitlines() if line.strip()]
     return f" after {lines[-1][:80]!r}" if lines else ", having printed nothing"

@@ -73,7 +73,6 @@ class SysfsBacklight(SteppedBacklight):
             raise
 
     def _set(self, step: int) -> None:
-        """Set the device to a step, and check that it has taken it."""
         self._write(step)
         if (taken := self._read("brightness")) != step:
             raise InstrumentError(f"{self._folder}: was set to step {step}, and took {taken}")
@@ -84,11 +83,9 @@ class SysfsBacklight(SteppedBacklight):
         return self._read("actual_brightness" if actual else "brightness")
 
     def _release(self) -> None:
-        """Let another program have it."""
         self._lock.release()
 
     def _read(self, name: str) -> int:
-        """Return the number that a file of the device holds."""
         path = self._folder / name
         try:
             text = path.read_bytes().decode("ascii", errors="replace").partition("\n")[0].strip()
@@ -99,7 +96,6 @@ class SysfsBacklight(SteppedBacklight):
         return int(text)
 
     def _write(self, step: int) -> None:
-        """Write a step to the device."""
         path = self._folder / "brightness"
         try:
             # Not Path.write_text: the file is never to be made, only written to. Cut after the step, not
@@ -115,7 +111,6 @@ class SysfsBacklight(SteppedBacklight):
 
 
 def _failed(path: Path, what: str, error: OSError) -> InstrumentError:
-    """Return what an error of a file of a backlight says of the device."""
     code = errno.errorcode.get(error.errno or 0, "")
     if isinstance(error, PermissionError):
         return InstrumentError(f"{path}: {UDEV_RULE}", Fault.NOT_FOUND, code)

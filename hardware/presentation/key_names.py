@@ -64,7 +64,6 @@ def characters_of_layout(handle: Any) -> Characters | None:
 
 
 def _characters_of_x(handle: Any, code: int) -> tuple[str, str]:
-    """Return what a key types under the X window system, by its code."""
     from pyglet.libs.x11 import xlib
 
     state = (ctypes.c_ubyte * 18)()  # XkbStateRec, whose first byte is the group in use

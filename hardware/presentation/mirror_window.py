@@ -187,7 +187,6 @@ class MirrorWindow(ContextDevice):
             self._glfw.destroy_window(self._window)
 
     def _opened(self, size: tuple[int, int], egl: bool) -> Any:
-        """Return a window whose context is current."""
         glfw = self._glfw
         for version in VERSIONS:
             glfw.default_window_hints()
@@ -205,7 +204,6 @@ class MirrorWindow(ContextDevice):
         raise InputError("the mirror window needs OpenGL 3.3: install the graphics card's driver")
 
     def _created(self) -> moderngl.Context:
-        """Return moderngl's view of the current context."""
         import moderngl
 
         kind: Any = getattr(ctypes, "WINFUNCTYPE" if sys.platform == "win32" else "CFUNCTYPE")
@@ -216,7 +214,6 @@ class MirrorWindow(ContextDevice):
         return moderngl.create_context(context=loader, require=330)
 
     def _draw_strip(self, height: int, strip: int) -> None:
-        """Draw the text at the bottom of the window."""
         if self._strip is None:
             return
         scale = 2 * strip / STRIP_SIZE[1] / height, 2 / STRIP_SIZE[0]
@@ -235,7 +232,6 @@ class MirrorWindow(ContextDevice):
             self._pressed.append(KeyPress(name, self._clock()))
 
     def _named(self, key: int, code: int) -> str:
-        """Return the name of a key: its place, or what is printed on it."""
         if key in self._places:
             return self._places[key]
         glfw = self._glfw
@@ -259,7 +255,6 @@ def _fitted(
 
 
 def _address(glfw: Any, name: str) -> int:
-    """Return where a function of OpenGL is; 0 if it is not there."""
     return ctypes.cast(glfw.get_proc_address(name), ctypes.c_void_p).value or 0
 
 

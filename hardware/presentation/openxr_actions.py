@@ -119,7 +119,6 @@ class Controllers:
         return [self._profile(hand).rpartition("interaction_profiles/")[2] or "none" for hand in HANDS]
 
     def _action(self, name: str, words: str, kind: Any) -> Any:
-        """Return an action of either hand."""
         return self._xr.create_action(
             self._set,
             self._xr.ActionCreateInfo(action_name=name, action_type=kind, localized_action_name=words),
@@ -143,12 +142,10 @@ class Controllers:
             xr.suggest_interaction_profile_bindings(self._instance, suggested)
 
     def _note(self, edge: str, name: str, far: float, changed: int) -> None:
-        """Note a press, if that is one."""
         if self._edges[edge].pressed(far):
             self._pressed.append(KeyPress(name, changed * NANOSECOND))
 
     def _profile(self, hand: str) -> str:
-        """Return the path of the kind of controller in a hand; empty for none."""
         xr = self._xr
         path = xr.string_to_path(self._instance, f"/user/hand/{hand}")
         found = xr.get_current_interaction_profile(self._session, path).interaction_profile

@@ -60,14 +60,12 @@ def graphics_binding(egl: bool) -> ctypes.Structure:
 
 
 def _called(function: Any, *arguments: Any) -> int | None:
-    """Return the pointer that a function of a library returns."""
     function.restype = ctypes.c_void_p
     result: int | None = function(*arguments)
     return result
 
 
 def _xlib_binding(gl: Any) -> XlibBinding:
-    """Return the current context of GLX."""
     display, context = _called(gl.glXGetCurrentDisplay), _called(gl.glXGetCurrentContext)
     number, count, one = ctypes.c_int(), ctypes.c_int(), (ctypes.c_int * 3)(0x8013, 0, 0)  # GLX_FBCONFIG_ID
     gl.glXQueryContext(ctypes.c_void_p(display), ctypes.c_void_p(context), 0x8013, ctypes.byref(number))
@@ -163,7 +161,6 @@ class Swapchain:
             )
 
     def _require_size(self, limits: Any) -> None:
-        """Refuse pictures that are larger than what the runtime takes."""
         most = (limits.max_swapchain_image_width, limits.max_swapchain_image_height)
         if self.size[0] > most[0] or self.size[1] > most[1]:
             raise InstrumentError(

@@ -147,7 +147,6 @@ class OpenXRLink(ContextDevice):
         )
 
     def _require_tracking(self, known: object) -> None:
-        """Refuse a headset that does not know how the head is turned."""
         if not known:
             raise InstrumentError(
                 f"the headset of the OpenXR runtime {self._runtime.name} does not track the head: put it "
@@ -173,7 +172,6 @@ class OpenXRLink(ContextDevice):
                 )
 
     def _stated(self, frame: HeadsetFrame) -> HeadsetFacts:
-        """Return what the runtime says, with the eyes as they are in a frame."""
         system = self._runtime.system
         with self._runtime.talking():
             rate, rates = self._session.refresh_rate()

@@ -151,14 +151,12 @@ class OpenXRRuntime:
                 self.xr.destroy_instance(instance)
 
     def _extensions(self) -> set[str]:
-        """Return the names of what the runtime offers."""
         with self._none_there():
             found = self.xr.enumerate_instance_extension_properties()
         return {one.extension_name.decode() for one in found}
 
     @contextmanager
     def _none_there(self) -> Iterator[None]:
-        """Say that no runtime answers."""
         try:
             yield
         except self.xr.exception.XrException as error:
@@ -169,7 +167,6 @@ class OpenXRRuntime:
             ) from None
 
     def _headset(self) -> Any:
-        """Return the runtime's number for its headset."""
         form = self.xr.SystemGetInfo(form_factor=self.xr.FormFactor.HEAD_MOUNTED_DISPLAY)
         try:
             return self.xr.get_system(self.instance, form)
@@ -182,8 +179,6 @@ class OpenXRRuntime:
 
 
 class _Timespec(ctypes.Structure):
-    """A time of the system's clock."""
-
     _fields_ = (("seconds", ctypes.c_int64), ("nanoseconds", ctypes.c_long))
 
 
@@ -213,12 +208,10 @@ class _Ticks:
 
 
 def _monotonic() -> _Timespec:
-    """Return the time of the monotonic clock."""
     return _Timespec(*divmod(time.clock_gettime_ns(time.CLOCK_MONOTONIC), 1_000_000_000))
 
 
 def _performance_counter() -> ctypes.c_int64:
-    """Return the performance counter of Windows."""
     counter = ctypes.c_int64()
     ctypes.windll.kernel32.QueryPerformanceCounter(ctypes.byref(counter))  # type: ignore[attr-defined,unused-ignore] # not on other systems
     return counter

@@ -118,7 +118,6 @@ class OpenXRSession:
                 self._xr.destroy_session(handle)
 
     def _reference_space(self, kind: Any) -> Any:
-        """Return a space of the runtime's."""
         pose = self._xr.Posef()
         pose.orientation.w = 1.0
         info = self._xr.ReferenceSpaceCreateInfo(reference_space_type=kind, pose_in_reference_space=pose)
@@ -154,7 +153,6 @@ class OpenXRSession:
             raise InstrumentError(self._lost, Fault.DISCONNECTED)
 
     def _follow(self, state: Any) -> None:
-        """Begin or end as a state asks for."""
         states = self._xr.SessionState
         self.state = state
         if state == states.READY:
@@ -186,16 +184,13 @@ class OpenXRSession:
 
 
 def _as(event: Any, kind: Any) -> Any:
-    """Return an event as the record of its kind."""
     return ctypes.cast(ctypes.byref(event), ctypes.POINTER(kind)).contents
 
 
 def _pose(pose: Any) -> Pose:
-    """Return a pose of OpenXR as ours."""
     at, turned = pose.position, pose.orientation
     return Pose((at.x, at.y, at.z), (turned.x, turned.y, turned.z, turned.w))
 
 
 def _fov(fov: Any) -> EyeFov:
-    """Return a field of view of OpenXR as ours."""
     return EyeFov(fov.angle_left, fov.angle_right, fov.angle_up, fov.angle_down)

@@ -62,7 +62,6 @@ class PsychoPyWindow(ContextDevice):
         self._framebuffer = self._context.detect_framebuffer()
 
     def _opened(self, visual: Any) -> Any:
-        """Return PsychoPy's window."""
         rig = self._rig
         rehearsal = self._refresh_clock is not None
         _require_screen(rig)
@@ -93,7 +92,6 @@ class PsychoPyWindow(ContextDevice):
         return window
 
     def _checked_bits(self) -> int:
-        """Return the bits of each colour channel, or refuse a window that does not have the rig's."""
         channels = []
         for name in (self._gl.GL_RED_BITS, self._gl.GL_GREEN_BITS, self._gl.GL_BLUE_BITS):
             number = ctypes.c_int()
@@ -199,7 +197,6 @@ class PsychoPyWindow(ContextDevice):
 
 
 def _import_psychopy() -> tuple[Any, Any]:
-    """Return PsychoPy's modules `visual` and `logging`, or say why they cannot be had."""
     os.environ["PSYCHOPYNOPACKAGES"] = "1"  # else it takes user site-packages for its own
     if sys.platform == "linux" and not os.environ.get("DISPLAY"):
         raise InputError(
@@ -236,7 +233,6 @@ def _require_screen(rig: Rig) -> None:
 
 
 def _create_context() -> moderngl.Context:
-    """Return a moderngl context of the window that is open."""
     try:
         import moderngl
 
@@ -248,7 +244,6 @@ def _create_context() -> moderngl.Context:
 
 
 def _too_few_bits(rig: Rig, got: str) -> str:
-    """Return the message for a framebuffer of fewer bits than the rig has."""
     return (
         f"the rig {rig.name!r} asks for {rig.bits} bits per colour, and the window has {got}: set "
         f"`bits = {got}`, or the screen to a depth of 30 bits"
@@ -256,7 +251,6 @@ def _too_few_bits(rig: Rig, got: str) -> str:
 
 
 def _first_line(error: Exception) -> str:
-    """Return the first line of an error's message, or its name if it has none."""
     return (str(error).strip().splitlines() or [type(error).__name__])[0]
 
 
@@ -354,7 +348,6 @@ class PsychoPyHeldKeys(ContextDevice):
         self._down.add(self._name(symbol).lower())
 
     def _on_release(self, symbol: int, _: int) -> None:
-        """Take a key that goes up."""
         self._down.discard(self._name(symbol).lower())
 
 
@@ -395,5 +388,4 @@ class PsychoPyPointer(ContextDevice):
         self._up += up
 
     def _on_drag(self, x: int, y: int, right: float, up: float, *_: object) -> None:
-        """Take a movement with a button pressed."""
         self._on_motion(x, y, right, up)

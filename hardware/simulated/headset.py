@@ -206,7 +206,6 @@ class SimulatedHeadset(ContextDevice):
         return HeadsetFrame(shown, 1 / self._rate, self._eyes(head), head, visible, tracked)
 
     def _eyes(self, head: Pose) -> tuple[EyePose, EyePose]:
-        """Return the eyes of a head."""
         wide, narrow, up, down = map(math.radians, (OUTWARDS, INWARDS, UPWARDS, DOWNWARDS))
         x, y, z = head.position
         dx, dy, dz = (rotation(head) @ (EYE_DISTANCE / 2, 0.0, 0.0)).tolist()
@@ -221,18 +220,15 @@ class SimulatedHeadset(ContextDevice):
         time.sleep(max(self._refresh / self._rate - self.now(), 0.0))
 
     def _require_frame(self) -> None:
-        """Refuse to draw between frames."""
         if not self._open:
             raise InstrumentError(f"{self._name}: no frame was begun")
 
 
 def _within(spans: Sequence[Span], when: float) -> bool:
-    """Return whether a time is within one of some spans."""
     return any(begin <= when < end for begin, end in spans)
 
 
 def _offscreen() -> moderngl.Context:
-    """Return a graphics context without a window: EGL where there is one, else the system's own."""
     import moderngl
 
     reasons: list[str] = []

@@ -44,8 +44,6 @@ class PanelPhysics:
 
 @dataclass(frozen=True, slots=True)
 class _Shown:
-    """What the panel shows from a moment on."""
-
     pixel_value: float  # of a uniform screen; of an image, that whose luminance is its mean
     from_factor: float  # that the backlight had at that moment
     factor: float  # that it goes to
@@ -121,17 +119,14 @@ class SimulatedPanel:
             del self._times[:place], self._shown[:place]
 
     def _light(self, factor: float) -> float:
-        """Return the share of the full luminance that the backlight makes at a factor."""
         return float(factor**self.physics.backlight_exponent)
 
     def _warmth(self, time: float) -> float:
-        """Return the share of its warm luminance that the panel has at a time."""
         physics = self.physics
         cold = physics.warm_up_share * math.exp(-max(time, 0.0) / physics.warm_up_time)
         return (1 + cold) * (1 + physics.drift_per_hour * time / 3600)
 
     def _at(self, time: float | None) -> tuple[float, _Shown, float]:
-        """Return a time, what was shown then, and the factor that the backlight had."""
         time = self._clock() if time is None else time
         with self._lock:
             place = max(bisect.bisect_right(self._times, time) - 1, 0)
@@ -142,7 +137,6 @@ class SimulatedPanel:
     def _change(
         self, pixel_value: float | None = None, factor: float | None = None, sync: bool | None = None
     ) -> None:
-        """Show something else from now on."""
         now, before, reached = self._at(None)
         after = _Shown(
             pixel_value=before.pixel_value if pixel_value is None else pixel_value,
@@ -209,7 +203,6 @@ class SimulatedBacklight(SteppedBacklight):
         return self._target + (self._start - self._target) * left
 
     def _set(self, step: int) -> None:
-        """Go to a step from now on."""
         self._start, self._set_at = self.read_factor(), self._clock()
         self._target = step / self._steps
         if self._follow is not None:

@@ -91,7 +91,6 @@ class SimulatedPowerSensor:
         return taken
 
     def _time_of(self, sequence: int) -> float:
-        """Return when a sample is taken, on the computer's clock [s]."""
         return self._began + (sequence + 1) / (self._rate * (1 + self.physics.clock_drift))
 
     def _sample(self, sequence: int, time: float) -> SensorSample:
@@ -228,5 +227,4 @@ class SimulatedPowerMeter(SamplingMeter):
         return PowerSample(sample.sequence, sample.device_time, self._last_arrival, sample.power, sample.sync)
 
     def _way(self) -> float:
-        """Return how long something is under way [s]."""
         return SHORTEST_WAY + float(self._simulation.rng.exponential(self._physics.receive_jitter))
