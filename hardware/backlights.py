@@ -18,21 +18,11 @@ REMEMBERED = 10_000  # settings; at 50 a second, more than three minutes
 
 
 class SteppedBacklight(ContextDevice):
-    """A backlight of equal steps above 0; each driver says how a step is set and read.
-
-    Parameters
-    ----------
-    name : str
-        The device, as messages name it.
-    min_interval : float
-        Shortest time between two settings [s].
-    """
+    """A backlight of equal steps above 0; each driver says how a step is set and read."""
 
     _steps: int  # above 0: the highest is the full backlight
     _found: int  # the step that it was found at, and is left at
-
-    def __init__(self, name: str, min_interval: float) -> None:
-        self._name, self._min_interval = name, min_interval
+    _min_interval: float  # shortest time between two settings [s]
 
     def set_factor(self, factor: float) -> float:
         """Set the brightness factor b, and return the one achieved: the nearest step of the device.
@@ -79,9 +69,7 @@ class SteppedBacklight(ContextDevice):
 
     def _possible(self, step: int) -> int:
         if not 0 <= step <= self._steps:
-            raise InstrumentError(
-                f"{self._name}: reports step {step}; it has 0 to {self._steps}", Fault.IMPLAUSIBLE
-            )
+            raise self._error(f"reports step {step}; it has 0 to {self._steps}", Fault.IMPLAUSIBLE)
         return step
 
     @abstractmethod

@@ -67,7 +67,7 @@ class GuardedDevice(ContextDevice):
         with self._told():
             said = self._inner.apparatus()
         if not isinstance(said, Mapping):
-            raise self._error("its apparatus", "a dictionary of words", said)
+            raise self._wrong("its apparatus", "a dictionary of words", said)
         return {str(key): str(words) for key, words in said.items()} | self._note
 
     def close(self) -> None:
@@ -89,7 +89,7 @@ class GuardedDevice(ContextDevice):
             raise
         except (Exception, SystemExit) as error:
             words = " ".join(str(error).split())
-            raise InstrumentError(f"{self._name}: {type(error).__name__}: {words}") from error
+            raise self._error(f"{type(error).__name__}: {words}") from error
 
     def _called(self, method: str, *arguments: Any) -> Any:
         self._require_open()
@@ -99,7 +99,7 @@ class GuardedDevice(ContextDevice):
     def _number(self, what: str, value: Any) -> float:
         """Return a number that the driver gave, if it is one; nan and inf are told apart by who asks."""
         if isinstance(value, bool) or not isinstance(value, Real):
-            raise self._error(what, "a number", value)
+            raise self._wrong(what, "a number", value)
         try:
             return float(value)
         except OverflowError:
@@ -108,11 +108,11 @@ class GuardedDevice(ContextDevice):
     def _finite(self, what: str, value: Any) -> float:
         number = self._number(what, value)
         if not math.isfinite(number):
-            raise self._error(what, "a finite number", number)
+            raise self._wrong(what, "a finite number", number)
         return number
 
-    def _error(self, what: str, expected: str, value: object) -> InstrumentError:
-        return InstrumentError(f"{self._name}: {what} must be {expected}, got {value!r:.60}")
+    def _wrong(self, what: str, expected: str, value: object) -> InstrumentError:
+        return self._error(f"{what} must be {expected}, got {value!r:.60}")
 
 
 class GuardedLuminanceMeter(GuardedDevice):
@@ -122,15 +122,15 @@ class GuardedLuminanceMeter(GuardedDevice):
         """Return one reading [cd/m^2]."""
         found = self._called("read_luminance")
         if not isinstance(found, Reading) or found.unit != "cd/m^2":
-            raise self._error("a reading", "an evenlight.Reading in 'cd/m^2'", found)
+            raise self._wrong("a reading", "an evenlight.Reading in 'cd/m^2'", found)
         value = self._number("a luminance", found.value)
         begun, ended = self._finite("begun", found.begun), self._finite("ended", found.ended)
         if begun > ended:
-            raise self._error("the times of a reading", "begun <= ended", (begun, ended))
+            raise self._wrong("the times of a reading", "begun <= ended", (begun, ended))
         x_y = found.chromaticity
         if x_y is not None:
             if not isinstance(x_y, Sequence) or len(x_y) != 2:
-                raise self._error("a chromaticity", "CIE 1931 x and y, or None", x_y)
+                raise self._wrong("a chromaticity", "CIE 1931 x and y, or None", x_y)
             x_y = (self._number("x", x_y[0]), self._number("y", x_y[1]))
         require_luminance(self._driver, self._name, value, x_y)
         return Reading(value, "cd/m^2", begun, ended, str(found.status), x_y)
@@ -150,7 +150,7 @@ class GuardedPowerMeter(GuardedDevice):
         """Begin to sample at a rate [Hz], and return the one achieved."""
         achieved = self._number("the rate achieved", self._called("start", rate))
         if not 0 < achieved <= FASTEST:
-            raise self._error("the rate achieved", f"above 0 Hz, and {FASTEST:g} Hz at most", achieved)
+            raise self._wrong("the rate achieved", f"above 0 Hz, and {FASTEST:g} Hz at most", achieved)
         self._last = None
         return achieved
 
@@ -166,23 +166,23 @@ class GuardedPowerMeter(GuardedDevice):
         """Return one comparison of the instrument's clock with the computer's."""
         found = self._called("ping")
         if found is not None and not isinstance(found, ClockPing):
-            raise self._error("a comparison of clocks", "an evenlight.ClockPing or None", found)
+            raise self._wrong("a comparison of clocks", "an evenlight.ClockPing or None", found)
         return found
 
     zero = GuardedLuminanceMeter.zero
 
     def _checked(self, samples: Any) -> list[PowerSample]:
         if not isinstance(samples, Sequence):
-            raise self._error("samples", "a sequence of evenlight.PowerSample", samples)
+            raise self._wrong("samples", "a sequence of evenlight.PowerSample", samples)
         for sample in samples:
             if not isinstance(sample, PowerSample):
-                raise self._error("a sample", "an evenlight.PowerSample", sample)
+                raise self._wrong("a sample", "an evenlight.PowerSample", sample)
             require_power(self._driver, self._name, self._number("a power", sample.power))
             last, self._last = self._last or sample, sample
             times = self._finite("a time", last.device_time), self._finite("a time", sample.device_time)
             if sample.sequence < last.sequence or times[1] < times[0]:
                 what = f"sample {sample.sequence} at {times[1]:g} s after {last.sequence} at {times[0]:g} s"
-                raise InstrumentError(f"{self._name}: its samples go back: {what}", Fault.GARBLED)
+                raise self._error(f"its samples go back: {what}", Fault.GARBLED)
         return list(samples)
 
 
@@ -193,7 +193,7 @@ class GuardedBacklight(GuardedDevice):
         """Set the brightness factor b, and return the one achieved."""
         achieved = self._share("the factor achieved", self._called("set_factor", factor))
         if abs(achieved - factor) > self.step() + ROUNDING:
-            raise InstrumentError(f"{self._name}: was set to {factor:.4g}, and says {achieved:.4g}")
+            raise self._error(f"was set to {factor:.4g}, and says {achieved:.4g}")
         return achieved
 
     def read_factor(self) -> float:
@@ -212,14 +212,14 @@ class GuardedBacklight(GuardedDevice):
         """Return the shortest time between two settings [s]."""
         interval = self._number("the shortest interval", self._called("min_interval"))
         if not 0 <= interval < math.inf:
-            raise self._error("the shortest interval", "0 s or more", interval)
+            raise self._wrong("the shortest interval", "0 s or more", interval)
         return interval
 
     def _share(self, what: str, value: Any) -> float:
         share = self._number(what, value)
         if not 0 <= share <= 1:
             fault = Fault.IMPLAUSIBLE
-            raise InstrumentError(f"{self._name}: {what} must lie between 0 and 1, got {share:g}", fault)
+            raise self._error(f"{what} must lie between 0 and 1, got {share:g}", fault)
         return share
 
 

@@ -9,7 +9,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import MeterReading, PowerSample
@@ -17,7 +17,7 @@ from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.hardware.driver import SIMULATED, Driver, NamedDriver, named_driver
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver, known_drivers
 from evenlight.hardware.power_average import PowerAverage, averaged, sampled
-from evenlight.hardware.protocols import LuminanceMeter, PowerMeter, Reading, ZeroedMeter
+from evenlight.hardware.protocols import Reading
 from evenlight.hardware.rig import is_simulated, open_luminance_meter, open_power_meter
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
@@ -270,7 +270,7 @@ def measure_zero(name: str, ask: Callable[[str], str] | None, show: ShowLine) ->
             raise InputError("no one has pressed Enter; where all is ready, give --yes") from None
     with _opened(name) as meter:
         _introduce(meter.apparatus(), show)
-        found = cast("ZeroedMeter", meter).zero()
+        found = meter.zero()
     what = "" if found is None else f"; it was {found * 1e3:.3g} mA"
     return f"{'SIMULATED: ' if is_simulated(name) else ''}zero set{what}"
 
@@ -293,7 +293,7 @@ def _named(name: str) -> NamedDriver:
     return named_driver(name, _meters(), "luminance or power meter")
 
 
-def _opened(name: str) -> LuminanceMeter | PowerMeter:
+def _opened(name: str) -> Any:
     """Return a meter, open; a simulated one looks at a panel that is off."""
     bench = bench_for(name, OFF)
     if _named(name).name in known_drivers(InstrumentKind.POWER):

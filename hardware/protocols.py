@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import enum
-from collections.abc import Sequence
+import time
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from evenlight.data_schema.arguments import real, text
 from evenlight.data_schema.errors import InputError
@@ -209,7 +211,12 @@ class Backlight(ContextManaged, Protocol):
 
 
 class LuminanceMeter(ContextManaged, Protocol):
-    """A spot meter aimed at the display."""
+    """A spot meter aimed at the display.
+
+    A luminance or power meter whose zero is set by command has besides `before_zero`, what the person at the
+    bench does first, as an imperative, and `zero()`, which takes what is there now for zero and returns what
+    it was, where the instrument tells it [A].
+    """
 
     def read_luminance(self) -> Reading:
         """Return one reading [cd/m^2].
@@ -274,27 +281,6 @@ class TriggerOutput(ContextManaged, Protocol):
         """Return what the device says of itself."""
 
 
-class ZeroedMeter(Protocol):
-    """What a luminance or power meter is besides, if its zero is set by command.
-
-    Attributes
-    ----------
-    before_zero : str
-        What the person at the bench does first, as an imperative.
-    """
-
-    before_zero: str
-
-    def zero(self) -> float | None:
-        """Take what is there now for zero; return what it was, where the instrument tells it [A].
-
-        Raises
-        ------
-        InstrumentError
-            If it is not near zero.
-        """
-
-
 class ContextDevice:
     """What all drivers and simulated devices share: a context closes them, and closed they refuse to work."""
 
@@ -313,4 +299,40 @@ class ContextDevice:
 
     def _require_open(self) -> None:
         if self._closed:
-            raise InstrumentError(f"{self._name}: is closed", Fault.DISCONNECTED)
+            raise self._error("is closed", Fault.DISCONNECTED)
+
+    def _error(self, words: str, fault: Fault = Fault.REFUSED, code: str = "") -> InstrumentError:
+        return InstrumentError(f"{self._name}: {words}", fault, code)
+
+
+class Instrument(ContextDevice):
+    """A driver of ours, of an instrument at an address.
+
+    Parameters
+    ----------
+    address : str
+        Where the instrument is, as `evenlight measure list` has it, without the driver's name.
+    clock : callable, optional
+        The computer's clock, of readings and samples [s]; time-outs go by the computer's own.
+    timeout : float, optional
+        How long an answer may take, in place of what the instrument needs [s].
+
+    Raises
+    ------
+    InputError
+        If that is no address of such an instrument, or a library is not installed.
+    InstrumentError
+        If it is not there, or does not answer as it should; nothing is left open then.
+    """
+
+    longest: ClassVar = 5.0  # [s] that an answer may take
+
+    def __init__(
+        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
+    ) -> None:
+        self._clock, self._timeout = clock, self.longest if timeout is None else timeout
+        self._open(address)
+
+    @abstractmethod
+    def _open(self, address: str) -> None:
+        """Find the instrument, and get it ready."""

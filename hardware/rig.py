@@ -7,30 +7,18 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.driver import SIMULATED, NamedDriver, named_driver, own_simulation
-from evenlight.hardware.driver_table import BOARD, IMPORTED, NO_BACKLIGHT, TRIGGERS
-from evenlight.hardware.guarded_devices import (
-    GuardedBacklight,
-    GuardedDevice,
-    GuardedLuminanceMeter,
-    GuardedPowerMeter,
-)
+from evenlight.hardware.driver_table import IMPORTED, NO_BACKLIGHT, TRIGGERS
+from evenlight.hardware.guarded_devices import GUARDS
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
-from evenlight.hardware.protocols import (
-    Backlight,
-    LuminanceMeter,
-    PowerMeter,
-    TriggerOutput,
-)
+from evenlight.hardware.protocols import Backlight, LuminanceMeter, PowerMeter, TriggerOutput
 
 if TYPE_CHECKING:
     from evenlight.hardware.simulated.panel import Simulation
-
-Guard = TypeVar("Guard", bound=GuardedDevice)
 
 
 def open_luminance_meter(
@@ -65,28 +53,7 @@ def open_luminance_meter(
             f"{name}: is a table of readings made elsewhere, and no meter: name it as the rig's "
             "luminance_meter, and `evenlight run luminance-sweep` imports it"
         )
-    named = find_driver(name, InstrumentKind.LUMINANCE)
-    opener = partial(luminance_meter_of, clock=clock, simulation=simulation, ask=ask)
-    if named.driver.guarded() or named.emulated:
-        return guarded(GuardedLuminanceMeter, named, opener, simulation or own_simulation(clock))
-    return opener(named)
-
-
-def luminance_meter_of(
-    named: NamedDriver,
-    clock: Callable[[], float],
-    simulation: Simulation | None,
-    ask: Callable[[str], str] | None,
-) -> LuminanceMeter:
-    """Return the luminance meter of a driver."""
-    driver = named.driver.load()
-    meter: LuminanceMeter
-    if named.name == SIMULATED:
-        meter = driver(simulation or own_simulation(clock))
-    elif named.name == "manual":
-        meter = driver(ask or input, clock)
-    else:
-        meter = driver(named.address, clock)
+    meter: LuminanceMeter = _opened(name, InstrumentKind.LUMINANCE, clock, simulation, ask=ask)
     return meter
 
 
@@ -112,27 +79,7 @@ def open_power_meter(
     InstrumentError
         If the instrument is not there, or does not answer as it should.
     """
-    named = find_driver(name, InstrumentKind.POWER)
-    opener = partial(power_meter_of, clock=clock, simulation=simulation)
-    if named.driver.guarded() or named.emulated:
-        return guarded(GuardedPowerMeter, named, opener, simulation or own_simulation(clock))
-    return opener(named)
-
-
-def power_meter_of(
-    named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None
-) -> PowerMeter:
-    """Return the power meter of a driver."""
-    driver = named.driver.load()
-    meter: PowerMeter
-    if named.name == SIMULATED:
-        meter = driver(simulation or own_simulation(clock))
-    elif named.name == BOARD:
-        from evenlight.hardware.drivers.board_link import board_at
-
-        meter = driver(board_at(named.address, clock), clock)
-    else:
-        meter = driver(named.address, clock)
+    meter: PowerMeter = _opened(name, InstrumentKind.POWER, clock, simulation)
     return meter
 
 
@@ -234,45 +181,66 @@ def _open_device(
 ) -> Backlight | None:
     if rig.backlight == NO_BACKLIGHT:
         return None
-    named = find_driver(rig.backlight, InstrumentKind.BACKLIGHT)
-    if named.driver.guarded() or named.emulated:
-        opener = partial(backlight_of, clock=clock, simulation=simulation, curve_known=True)
-        return guarded(GuardedBacklight, named, opener, simulation or own_simulation(clock))
-    return backlight_of(named, clock, simulation, curve_known=curve_known)
-
-
-def backlight_of(
-    named: NamedDriver, clock: Callable[[], float], simulation: Simulation | None, *, curve_known: bool
-) -> Backlight:
-    """Return the backlight of a driver, by its own factors."""
-    driver = named.driver.load()
-    backlight: Backlight
-    if named.name == SIMULATED:
-        backlight = driver(clock, follow=simulation.panel.set_backlight if simulation else None)
-    elif named.name == BOARD:
-        from evenlight.hardware.drivers.board_link import board_at
-
-        backlight = driver(board_at(named.address, clock), clock)
-    elif named.name == "sysfs":
-        backlight = driver(named.address, curve_known=curve_known)
-    elif named.name == "ddc":
-        backlight = driver(int(named.address))
-    else:
-        backlight = driver(named.address, clock)
+    backlight: Backlight = _opened(
+        rig.backlight, InstrumentKind.BACKLIGHT, clock, simulation, curve_known=curve_known
+    )
     return backlight
 
 
+def _opened(
+    name: str,
+    kind: InstrumentKind,
+    clock: Callable[[], float],
+    simulation: Simulation | None,
+    **options: Any,
+) -> Any:
+    """Return a device, under guard where its driver is another's."""
+    named = find_driver(name, kind)
+    if named.driver.guarded() or named.emulated:
+        opener = partial(device_of, kind=kind, clock=clock, simulation=simulation, **options)
+        return guarded(kind, named, opener, simulation or own_simulation(clock))
+    return device_of(named, kind, clock, simulation, **options)
+
+
+def device_of(
+    named: NamedDriver,
+    kind: InstrumentKind,
+    clock: Callable[[], float],
+    simulation: Simulation | None,
+    *,
+    ask: Callable[[str], str] | None = None,
+    curve_known: bool = True,
+) -> Any:
+    """Return the device of a driver, a backlight by its own factors; arguments as of `open_luminance_meter`.
+
+    `curve_known` says that a backlight's steps need not be linear in light.
+    """
+    driver, follow = named.driver.load(), simulation.panel.set_backlight if simulation else None
+    match named.name:
+        case "simulated" if kind is InstrumentKind.BACKLIGHT:
+            return driver(clock, follow=follow)
+        case "simulated":
+            return driver(simulation or own_simulation(clock))
+        case "manual":
+            return driver(ask or input, clock)
+        case "sysfs":
+            return driver(named.address, curve_known=curve_known)
+        case "ddc":
+            return driver(int(named.address))
+    return driver(named.address, clock)
+
+
 def guarded(
-    guard: type[Guard],
+    kind: InstrumentKind,
     named: NamedDriver,
     opener: Callable[[NamedDriver], object],
     simulation: Simulation | None,
-) -> Guard:
+) -> Any:
     """Return a driver under guard, on the emulated instrument that its package brings if its name says so."""
     with ExitStack() as link:
         if named.emulated and named.driver.emulator and simulation:
             address = link.enter_context(named.driver.emulator(simulation))
             named = dataclasses.replace(named, address=address)
-        device = guard(named, lambda: opener(named))
+        device = GUARDS[kind](named, lambda: opener(named))
         device.link = link.pop_all()
     return device

@@ -12,7 +12,6 @@ from typing import Any
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware import rig as rigs
 from evenlight.hardware.driver import SIMULATED, NamedDriver
-from evenlight.hardware.guarded_devices import GUARDS
 from evenlight.hardware.installed_drivers import InstrumentKind
 from evenlight.hardware.measuring import bench_for
 from evenlight.hardware.protocols import Backlight, Fault, InstrumentError, Window
@@ -21,11 +20,6 @@ from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel
 GREY = 1 / 2.2  # exponent from a share of the light to a pixel value
 WARM_WHITE = PanelPhysics(warm_up_share=0.0)  # 200 cd/m^2, 0.2945 + 0.3716 W
 SHARES = PanelPhysics(1.0, 0.0, warm_up_share=0.0, lag=1e-9, base_power=0.0, power_per_luminance=1.0)
-OPENERS: dict[InstrumentKind, Callable[..., Any]] = {
-    InstrumentKind.LUMINANCE: partial(rigs.luminance_meter_of, ask=None),
-    InstrumentKind.POWER: rigs.power_meter_of,
-    InstrumentKind.BACKLIGHT: partial(rigs.backlight_of, curve_known=True),
-}
 TOLERANCE = 0.015  # share of a simulated panel's light or power: what meters repeat, several times over,
 FLOOR = {"cd/m^2": 0.02, "W": 0.005}  # and the last digits of a small value
 
@@ -120,8 +114,8 @@ class Subject:
         """Yield the driver, open."""
         seen = bench_for(f"{SIMULATED}:" * self.named.emulated + self.named.name, WARM_WHITE)
         clock = self.screen.clock if self.screen else seen.clock
-        opened = partial(OPENERS[self.kind], clock=clock, simulation=seen.simulation)
-        with rigs.guarded(GUARDS[self.kind], self.named, opened, seen.simulation) as device:
+        opened = partial(rigs.device_of, kind=self.kind, clock=clock, simulation=seen.simulation)
+        with rigs.guarded(self.kind, self.named, opened, seen.simulation) as device:
             panel = seen.simulation.panel if seen.simulation else self.screen
             yield Bench(self, device, panel, clock, seen.wait)
 

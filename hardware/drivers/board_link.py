@@ -5,12 +5,10 @@ A board that is open already is shared: `board_at` opens each port once.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from weakref import WeakValueDictionary
 
 from evenlight.hardware.drivers import board_protocol as protocol
@@ -22,23 +20,7 @@ TIMEOUT = 1.0  # [s] the board answers within milliseconds
 HIGHEST_TAG = 999
 # A port is open once in a process; a board is forgotten with the last device that uses it.
 _at_ports: WeakValueDictionary[str, PowerBoard] = WeakValueDictionary()
-LINE = LineSettings(  # our own protocol: docs/power-board.md, "The lines"
-    baud_rate=protocol.BAUD_RATE, data_bits=8, parity="N", stop_bits=1, terminator=b"\n"
-)
 OPTIONS = {"baud": "baud rate of the board's serial port"}
-
-
-@dataclass(frozen=True, slots=True)
-class BoardIdentity:
-    """What a board says of itself."""
-
-    chip: str  # "INA219", "INA226" or "INA228"
-    serial_number: str
-    firmware: str
-    highest_rate: float  # that sensor and microcontroller have [Hz]
-    native_usb: bool  # whether its port is USB itself, so that no baud rate limits it
-    highest_power: float  # above it the sensor saturates [W]
-    pwm_steps: int  # of the backlight above 0; 0 if it has no PWM output
 
 
 class PowerBoard(ContextDevice):
@@ -56,6 +38,21 @@ class PowerBoard(ContextDevice):
     timeout : float, optional
         How long a reply may take [s].
 
+    Attributes
+    ----------
+    url, name : str
+        As it was opened; what messages call the board.
+    chip, serial_number, firmware : str
+        What the board says of itself: "INA219", "INA226" or "INA228", and so on.
+    highest_rate : float
+        The highest sample rate that sensor, microcontroller and line have [Hz].
+    highest_power : float
+        Above it the sensor saturates [W].
+    pwm_steps : int
+        Of the backlight above 0; 0 if it has no PWM output.
+    corrupted_lines : int
+        How many had a wrong checksum since the board was opened.
+
     Raises
     ------
     InputError
@@ -68,42 +65,27 @@ class PowerBoard(ContextDevice):
         self, url: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
     ) -> None:
         port, options = split_address(url, "board", OPTIONS)
-        self._baud_rate = options.get("baud", float(protocol.BAUD_RATE))
+        baud_rate = options.get("baud", float(protocol.BAUD_RATE))
         self._clock, self._timeout = clock, TIMEOUT if timeout is None else timeout
-        settings = dataclasses.replace(
-            LINE, baud_rate=round(self._baud_rate), timeout=max(self._timeout, TIMEOUT)
+        settings = LineSettings(  # our own protocol: docs/power-board.md, "The lines"
+            baud_rate=round(baud_rate), terminator=b"\n", timeout=max(self._timeout, TIMEOUT)
         )
         self._link = SerialLink(port, settings, "the power board")
-        self._tag, self._users, self._corrupted = 0, 0, 0
+        self.url, self.name = url, self._link.name
+        self._name = self.name
+        self._tag = self._users = self.corrupted_lines = 0
         self._samples: list[tuple[float, str]] = []  # when it arrived, and a line
         self._event: InstrumentError | None = None
         self._strange = ""  # the last line that no board sends
         try:
-            self._identity = self._identify()
+            self._identify(baud_rate)
         except BaseException:
             self._link.close()
             raise
 
-    def name(self) -> str:
-        """Return what messages call the board."""
-        return self._link.name
-
     def is_open(self) -> bool:
         """Return whether its port is open, so that one device more may share it."""
         return self._link.is_open
-
-    def identity(self) -> BoardIdentity:
-        """Return what the board said of itself when it was opened."""
-        return self._identity
-
-    def highest_rate(self) -> float:
-        """Return the highest sample rate that sensor and line have [Hz]."""
-        own = self._identity.highest_rate
-        return own if self._identity.native_usb else min(own, protocol.fastest_over(self._baud_rate))
-
-    def corrupted_lines(self) -> int:
-        """Return how many lines had a wrong checksum since the board was opened."""
-        return self._corrupted
 
     def ask(self, command: str, timeout: float | None = None) -> list[str]:
         """Return the words of the reply to a command, after the command's own name.
@@ -117,21 +99,19 @@ class PowerBoard(ContextDevice):
         """
         self._tag = self._tag % HIGHEST_TAG + 1
         self._take_what_waits()
-        corrupted = self._corrupted
+        corrupted = self.corrupted_lines
         self._link.write(protocol.with_checksum(f"{self._tag} {command}"))
         timeout = self._timeout if timeout is None else timeout
         end = time.monotonic() + timeout
         while (left := end - time.monotonic()) > 0:
             if (words := self._reply(self._next_line(left), command)) is not None:
                 return words
-        if self._corrupted > corrupted:
-            raise InstrumentError(
-                f"{self.name()}: the reply to {command!r} was disturbed on the line; is the baud rate right?",
-                Fault.GARBLED,
+        if self.corrupted_lines > corrupted:
+            raise self._error(
+                f"the reply to {command!r} was disturbed on the line; is the baud rate right?", Fault.GARBLED
             )
-        raise InstrumentError(
-            f"{self.name()}: no reply to {command!r} within {timeout:g} s; is it plugged in and running?",
-            Fault.NO_REPLY,
+        raise self._error(
+            f"no reply to {command!r} within {timeout:g} s; is it plugged in and running?", Fault.NO_REPLY
         )
 
     def _take_what_waits(self) -> None:
@@ -178,7 +158,7 @@ class PowerBoard(ContextDevice):
         except InstrumentError as error:
             if error.fault not in TRANSIENT:
                 raise
-            self._corrupted += error.fault is Fault.GARBLED
+            self.corrupted_lines += error.fault is Fault.GARBLED
             return ""
 
     def _reply(self, line: str, command: str) -> list[str] | None:
@@ -187,14 +167,14 @@ class PowerBoard(ContextDevice):
             return None
         body = protocol.checked_body(line)
         if body is None:
-            self._corrupted += 1
+            self.corrupted_lines += 1
             self._strange = line.strip()
             return None
         kind, _, rest = body.partition(" ")
         if kind == "P":
             self._samples.append((self._clock(), body))
         elif kind == "E":
-            self._event = self._error(rest.split(" "), "reports a fault")
+            self._event = self._told(rest.split(" "), "reports a fault")
         elif kind in ("OK", "ERR"):
             return self._own_reply(kind, rest.split(" "), command)
         return None
@@ -205,20 +185,20 @@ class PowerBoard(ContextDevice):
         if not command or (words[0] != str(self._tag) and not unread):
             return None  # too late: the caller already got NO_REPLY
         if kind == "ERR":
-            raise self._error(words[1:], f"refuses {command!r}")
+            raise self._told(words[1:], f"refuses {command!r}")
         return words[2:] if words[1:2] == command.split(" ")[:1] else None
 
-    def _error(self, words: list[str], what: str) -> InstrumentError:
+    def _told(self, words: list[str], what: str) -> InstrumentError:
         number = int(words[0]) if words and words[0].isdigit() else 0
         meaning = protocol.ERROR_WORDS.get(number, "an error that this program does not know")
         own = " ".join(words[1:]).replace("_", " ")
-        return InstrumentError(
-            f"{self.name()}: {what}: {meaning} (error {number}: {own or 'no words'})",
+        return self._error(
+            f"{what}: {meaning} (error {number}: {own or 'no words'})",
             protocol.ERROR_FAULT.get(number, Fault.REFUSED),
             str(number),
         )
 
-    def _identify(self) -> BoardIdentity:
+    def _identify(self, baud_rate: float) -> None:
         try:
             self._link.forget()
             words = self.ask("ID?")
@@ -226,12 +206,30 @@ class PowerBoard(ContextDevice):
             raise self._no_board(error) from None
         said = dict(word.partition("=")[::2] for word in words[1:])
         if words[:1] != [protocol.FAMILY] or said.get("protocol") != protocol.VERSION:
-            raise InstrumentError(
-                f"{self.name()}: calls itself {' '.join(words) or 'nothing'}; this program speaks version "
+            raise self._error(
+                f"calls itself {' '.join(words) or 'nothing'}; this program speaks version "
                 f"{protocol.VERSION} of {protocol.FAMILY}",
                 Fault.WRONG_INSTRUMENT,
             )
-        return _identity_of(said, self.name())
+        try:
+            self.chip, self.serial_number, self.firmware = said["chip"], said["serial"], said["firmware"]
+            rate, power = float(said["max_rate_hz"]), int(said["max_power_uw"]) * 1e-6
+            is_usb, self.pwm_steps = said["line"] == "usb", int(said["pwm_steps"])
+        except (KeyError, ValueError) as error:
+            raise self._no_identity(str(error)) from None
+        possible = {
+            "max_rate_hz": 0 < rate < math.inf, "max_power_uw": power > 0, "pwm_steps": self.pwm_steps >= 0
+        }  # fmt: skip
+        for key in (key for key, holds in possible.items() if not holds):
+            raise self._no_identity(f"{key}={said[key]}")
+        self.highest_rate = rate if is_usb else min(rate, protocol.fastest_over(baud_rate))
+        self.highest_power = power
+
+    def _no_identity(self, what: str) -> InstrumentError:
+        return self._error(
+            f"its identity cannot be read ({what}); is its firmware older than this program?",
+            Fault.WRONG_INSTRUMENT,
+        )
 
     def _no_board(self, error: InstrumentError) -> InstrumentError:
         """Return what a failed first question means: another instrument, another program, or as it was."""
@@ -242,62 +240,26 @@ class PowerBoard(ContextDevice):
             and strange
             and not protocol.has_checksum(strange)
         ):
-            return InstrumentError(
-                f"{self.name()}: answers {strange!r}, and is no power board; which instrument is there?",
+            return self._error(
+                f"answers {strange!r}, and is no power board; which instrument is there?",
                 Fault.WRONG_INSTRUMENT,
             )
         return error
 
 
-def _identity_of(said: dict[str, str], name: str) -> BoardIdentity:
-    try:
-        identity = BoardIdentity(
-            chip=said["chip"],
-            serial_number=said["serial"],
-            firmware=said["firmware"],
-            highest_rate=float(said["max_rate_hz"]),
-            native_usb=said["line"] == "usb",
-            highest_power=int(said["max_power_uw"]) * 1e-6,
-            pwm_steps=int(said["pwm_steps"]),
-        )
-    except (KeyError, ValueError) as error:
-        raise _no_identity(name, str(error)) from None
-    if not 0 < identity.highest_rate < math.inf:
-        raise _no_identity(name, f"max_rate_hz={said['max_rate_hz']}")
-    if identity.highest_power <= 0:
-        raise _no_identity(name, f"max_power_uw={said['max_power_uw']}")
-    if identity.pwm_steps < 0:
-        raise _no_identity(name, f"pwm_steps={said['pwm_steps']}")
-    return identity
-
-
-def _no_identity(name: str, what: str) -> InstrumentError:
-    return InstrumentError(
-        f"{name}: its identity cannot be read ({what}); is its firmware older than this program?",
-        Fault.WRONG_INSTRUMENT,
-    )
-
-
-def shared_board(board: str | PowerBoard, clock: Callable[[], float], timeout: float | None) -> PowerBoard:
-    """Return a board for one device more: an open one that is shared, or the one at a port."""
-    board = PowerBoard(board, clock, timeout) if isinstance(board, str) else board
-    board.share()
-    return board
-
-
-def board_at(address: str, clock: Callable[[], float]) -> PowerBoard:
-    """Return the board at a port: the one that is open already, or else a new link.
+def board_at(address: str, clock: Callable[[], float], timeout: float | None = None) -> PowerBoard:
+    """Return the board at a port for one device more: the one that is open already, or else a new link.
 
     Parameters
     ----------
     address : str
         Port, and "?baud=" with a baud rate if need be.
-    clock : callable
-        For the times at which lines arrive [s]; that of the first device where two share the board.
+    clock, timeout : callable and float, optional
+        As of `PowerBoard`; those of the first device where two share the board.
     """
     port = os.path.realpath(address.partition("?")[0])  # links by the board's serial number lead to it, too
     board = _at_ports.get(port)
     if board is None or not board.is_open():
-        board = PowerBoard(address, clock)
-        _at_ports[port] = board
+        board = _at_ports[port] = PowerBoard(address, clock, timeout)
+    board.share()
     return board

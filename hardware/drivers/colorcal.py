@@ -14,9 +14,8 @@ from evenlight.hardware.drivers.serial_link import LineSettings
 from evenlight.hardware.drivers.serial_meter import MeterAnswer, SerialMeter
 from evenlight.hardware.protocols import Fault
 
-LINE = LineSettings(  # USB that looks serial takes any rate; the end of a line, LF CR, as psychopy-crs has it
-    baud_rate=115200, data_bits=8, parity="N", stop_bits=1, terminator=b"\n\r", timeout=15.0
-)
+# USB that looks serial takes any rate; the end of a line, LF CR, as psychopy-crs has it
+LINE = LineSettings(baud_rate=115200, terminator=b"\n\r")
 IDENTITY_FIELDS = 6  # OK00,1,<rom>,100.10,<serial number>,<build>
 MATRIX_ROWS = (b"r01\n", b"r02\n", b"r03\n")
 FINE = "OK00"
@@ -34,6 +33,7 @@ class ColorCal(SerialMeter):
 
     driver = "colorcal"
     maker, model, line = "CRS", "ColorCAL II", LINE
+    longest = 15.0
     wake = "Unplug it, and plug it in again"
     zero_is_a_reading = False
     before_zero = "cover the sensor, so that no light reaches it"
@@ -83,7 +83,7 @@ class ColorCal(SerialMeter):
         self._require_no_more()
         X, Y, Z = (sum(entry * value for entry, value in zip(row, raw, strict=True)) for row in self._matrix)
         total = X + Y + Z
-        return MeterAnswer(Y, FINE, (X / total, Y / total) if total > 0 else None)
+        return Y, FINE, (X / total, Y / total) if total > 0 else None
 
     def _set_zero(self) -> None:
         if (line := self._reply(b"UZC\n")) != FINE:

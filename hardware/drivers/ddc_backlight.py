@@ -63,6 +63,8 @@ class DdcBacklight(SteppedBacklight):
         If there is no such monitor, it may not be opened, does not answer, or has no brightness to set.
     """
 
+    _min_interval = 2 * COMMAND_INTERVAL + REPLY_DELAY  # each setting is read back
+
     def __init__(
         self,
         number: int,
@@ -71,8 +73,7 @@ class DdcBacklight(SteppedBacklight):
         panel: Any = None,
         bus: Path | None = None,
     ) -> None:
-        # Each setting is read back.
-        super().__init__(f"monitor ddc:{number}", min_interval=2 * COMMAND_INTERVAL + REPLY_DELAY)
+        self._name = f"monitor ddc:{number}"
         self._clock, self._wait, self._next, self._in_doubt = clock, wait, -float("inf"), False
         control = panel if panel is not None else _control(number, self._name)
         control.CHECKSUM_ERRORS, control.get_checksum = "strict", checksum
@@ -84,7 +85,7 @@ class DdcBacklight(SteppedBacklight):
                 self._lock = DeviceLock(bus or Path(f"/dev/i2c-{number}"), self._name)
             self._found, self._steps = self._ask(BRIGHTNESS)
             if self._steps < 1:
-                raise InstrumentError(f"{self._name}: says that its brightness has no steps")
+                raise self._error("says that its brightness has no steps")
         except BaseException:
             self._release()
             raise
@@ -94,17 +95,15 @@ class DdcBacklight(SteppedBacklight):
         self._pace()
         self._attempt(lambda: control.set_vcp_feature(BRIGHTNESS, step))
         if (taken := self._read_step()) != step:
-            raise InstrumentError(
-                f"{self._name}: was set to step {step}, and says {taken}; does a power saving or ambient "
+            raise self._error(
+                f"was set to step {step}, and says {taken}; does a power saving or ambient "
                 "light mode of its menu hold the brightness?"
             )
 
     def _read_step(self) -> int:
         step, steps = self._ask(BRIGHTNESS)
         if steps != self._steps:
-            raise InstrumentError(
-                f"{self._name}: says that it has {steps} steps, and said {self._steps} before", Fault.GARBLED
-            )
+            raise self._error(f"says that it has {steps} steps, and said {self._steps} before", Fault.GARBLED)
         return step
 
     def _ask(self, code: int) -> tuple[int, int]:
@@ -119,9 +118,7 @@ class DdcBacklight(SteppedBacklight):
             self._in_doubt = True
             raise
         if value > highest:
-            raise InstrumentError(
-                f"{self._name}: says step {value} of {highest}, which is no answer", Fault.GARBLED
-            )
+            raise self._error(f"says step {value} of {highest}, which is no answer", Fault.GARBLED)
         return value, highest
 
     def _resynchronise(self) -> None:
@@ -159,37 +156,35 @@ class DdcBacklight(SteppedBacklight):
         cause = error.__cause__ if isinstance(error.__cause__, OSError) else error
         number = getattr(cause, "errno", None)
         if isinstance(cause, PermissionError):
-            return InstrumentError(
-                f"{self._name}: may not be opened; on Linux, join the group i2c and log in again",
-                Fault.NOT_FOUND,
+            return self._error(
+                "may not be opened; on Linux, join the group i2c and log in again", Fault.NOT_FOUND
             )
         if isinstance(cause, FileNotFoundError):
-            return InstrumentError(
-                f"{self._name}: no such I2C bus; on Linux load the module i2c-dev, and see with "
+            return self._error(
+                "no such I2C bus; on Linux load the module i2c-dev, and see with "
                 "`evenlight measure list` which there are",
                 Fault.NOT_FOUND,
             )
         if number in GONE:
             self._release()
-            return InstrumentError(f"{self._name}: the connection broke ({cause})", Fault.DISCONNECTED)
+            return self._error(f"the connection broke ({cause})", Fault.DISCONNECTED)
         if number in UNANSWERED:
-            return InstrumentError(
-                f"{self._name}: no reply; is it switched on, and is DDC/CI enabled in its menu?",
-                Fault.NO_REPLY,
+            return self._error(
+                "no reply; is it switched on, and is DDC/CI enabled in its menu?", Fault.NO_REPLY
             )
         if "Unsupported VCP code" in str(error):
-            return InstrumentError(
-                f"{self._name}: has no brightness that is set over DDC/CI (Unsupported VCP code)",
+            return self._error(
+                "has no brightness that is set over DDC/CI (Unsupported VCP code)",
                 code="Unsupported VCP code",
             )
-        return InstrumentError(f"{self._name}: sent what is no reply ({error})", Fault.GARBLED)
+        return self._error(f"sent what is no reply ({error})", Fault.GARBLED)
 
     def _require_open(self) -> None:
         self._open_control()
 
     def _open_control(self) -> Any:
         if self._control is None:
-            raise InstrumentError(f"{self._name}: is no longer connected", Fault.DISCONNECTED)
+            raise self._error("is no longer connected", Fault.DISCONNECTED)
         return self._control
 
     def _release(self) -> None:

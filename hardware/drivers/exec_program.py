@@ -7,14 +7,14 @@ devices return is checked by `hardware.guarded_devices`, as that of packages.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.backlights import require_factor, restore_and_release
 from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
 from evenlight.hardware.drivers.program_lines import ProgramLines
-from evenlight.hardware.protocols import ContextDevice, Fault, Reading
+from evenlight.hardware.protocols import Fault, Instrument, Reading
 
 READING_TIME = 60.0  # [s] a spectrometer takes as long in the dark
 SETTING_TIME = 10.0  # [s]
@@ -23,31 +23,17 @@ SILENCE = 2.0  # [s] without a sample, or the time of
 SILENT_SAMPLES = 10  # samples if that is longer
 
 
-class ExecDevice(ContextDevice):
+class ExecDevice(Instrument):
     """What the three share: the program, which is started with the first question.
 
-    Parameters
-    ----------
-    address : str
-        The program and its arguments.
-    clock : callable, optional
-        Of the readings' times [s].
-    timeout : float, optional
-        How long an answer may take [s].
-
-    Raises
-    ------
-    InputError, InstrumentError
-        If there is no such program.
+    The address is the program and its arguments; parameters as of `Instrument`.
     """
 
-    _longest = SETTING_TIME  # [s] that an answer may take
+    longest = SETTING_TIME
 
-    def __init__(
-        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
-        self._program, self._clock = ProgramLines(address), clock
-        self._name, self._timeout = self._program.name, self._longest if timeout is None else timeout
+    def _open(self, address: str) -> None:
+        self._program = ProgramLines(address)
+        self._name = self._program.name
 
     def _identity(self, model: str, serial: str) -> dict[str, str]:
         self._require_open()
@@ -65,7 +51,7 @@ class ExecDevice(ContextDevice):
 class ExecLuminanceMeter(ExecDevice):
     """A luminance meter behind a program."""
 
-    _longest = READING_TIME
+    longest = READING_TIME
 
     def read_luminance(self) -> Reading:
         """Return one reading [cd/m^2]."""
@@ -84,26 +70,20 @@ class ExecLuminanceMeter(ExecDevice):
         return self._identity("model", "serial number")
 
 
-class ExecPowerMeter(ExecDevice, SamplingMeter):
+class ExecPowerMeter(SamplingMeter, ExecDevice):
     """A power meter behind a program, which runs from `start` to `stop`."""
 
-    _rate = 0.0  # [Hz] 0 where it does not sample
+    _rates = (SLOWEST, FASTEST)
 
-    def start(self, rate: float) -> float:
-        """Begin to sample at a rate [Hz], and return the one that the program states."""
-        self._require_open()
-        require_sample_rate(rate, SLOWEST, FASTEST, self._name)
+    def _begin(self, rate: float) -> float:
         self.stop()
         answer = self._program.ask({"rate_hz": rate}, self._timeout)
-        achieved = self._program.number(answer, "rate_hz")
-        require_sample_rate(achieved, SLOWEST, FASTEST, f"{self._name}: the rate that it states")
-        self._rate, self._count = achieved, 0
+        self._rate, self._count = self._program.number(answer, "rate_hz"), 0
+        require_sample_rate(self._rate, SLOWEST, FASTEST, f"{self._name}: the rate that it states")
         self._looked, self._heard = self._clock(), time.monotonic()  # when a sample was heard of last
-        return achieved
+        return self._rate
 
-    def samples(self) -> Sequence[PowerSample]:
-        """Return the samples that came since the last call, in order; return at once."""
-        self._require_sampling(is_sampling=self._rate > 0)
+    def _news(self) -> Sequence[PowerSample]:
         answers, before, now = self._program.lines_within(0.0), self._looked, self._clock()
         self._looked = now
         if answers:
@@ -117,11 +97,11 @@ class ExecPowerMeter(ExecDevice, SamplingMeter):
         ]
 
     def stop(self) -> Sequence[PowerSample]:
-        """End the sampling, and return the samples that had not been taken."""
+        """End the sampling and the program, and return the samples that had not been taken."""
         try:
-            return self.samples() if self._rate else []
+            return self.samples() if self._sampling else []
         finally:
-            self._rate = 0.0
+            self._sampling = False
             self._program.end()
 
     def apparatus(self) -> dict[str, str]:
@@ -144,10 +124,8 @@ class ExecPowerMeter(ExecDevice, SamplingMeter):
 class ExecBacklight(ExecDevice):
     """A backlight behind a program, left as it was found."""
 
-    def __init__(
-        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
-        super().__init__(address, clock, timeout)
+    def _open(self, address: str) -> None:
+        super()._open(address)
         try:
             answer = self._program.ask({"read": "factor"}, self._timeout)
             keys = ("factor", "smallest_factor", "step", "min_interval_s")

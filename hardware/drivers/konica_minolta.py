@@ -19,8 +19,6 @@ REMOTE_LINE = LineSettings(  # CS-100A manual p. 6; LS-100 and LS-110 as psychop
     data_bits=7,
     parity="E",
     stop_bits=2,
-    terminator=b"\r\n",
-    timeout=10.0,  # a reading in the dark takes seconds
 )
 SETTLED = "OK00"
 ABSOLUTE = b"MDS,04\r\n"  # luminance itself, not its difference from a stored one
@@ -56,6 +54,7 @@ class MinoltaMeter(SerialMeter):
     form_of_another: re.Pattern[str]
     another = ""  # what an instrument that answers so is
     line = REMOTE_LINE
+    longest = 10.0  # [s] a reading in the dark takes seconds
     wake = "Switch it off, and on again with F held, until C shows; begin with a bright screen"
 
     def apparatus(self) -> dict[str, str]:
@@ -92,9 +91,9 @@ class MinoltaMeter(SerialMeter):
                 code,
             )
         if code == NO_CHROMATICITY:
-            return MeterAnswer(float(luminance), f"{code}: chromaticity out of range")
+            return float(luminance), f"{code}: chromaticity out of range", None
         x_y = [float(coordinate.replace(" ", "")) for coordinate in coordinates]
-        return MeterAnswer(float(luminance), code, (x_y[0], x_y[1]) if x_y else None)
+        return float(luminance), code, (x_y[0], x_y[1]) if x_y else None
 
     def _reply(self) -> tuple[str, re.Match[str]]:
         self._link.write(MEASURE)

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from evenlight.hardware.plausibility import ANY_LUMINANCE
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
+from evenlight.hardware.protocols import ContextDevice, Fault, Reading
 
 QUESTION = "Luminance [cd/m^2] (u: under range, o: over range, stop: end): "
 NUMBER_AND_UNIT = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*)")
@@ -54,13 +54,11 @@ class ManualMeter(ContextDevice):
                 case "":
                     question = QUESTION
                 case "u":
-                    raise InstrumentError(f"{self._name}: too dark for it", Fault.UNDER_RANGE, "u")
+                    raise self._error("too dark for it", Fault.UNDER_RANGE, "u")
                 case "o":
-                    raise InstrumentError(f"{self._name}: too bright for it", Fault.OVER_RANGE, "o")
+                    raise self._error("too bright for it", Fault.OVER_RANGE, "o")
                 case "stop":
-                    raise InstrumentError(
-                        f"{self._name}: stopped by the person who reads it", Fault.REFUSED, "stop"
-                    )
+                    raise self._error("stopped by the person who reads it", Fault.REFUSED, "stop")
                 case _:
                     try:
                         value = luminance_in(typed)
@@ -77,7 +75,7 @@ class ManualMeter(ContextDevice):
         try:
             return self._ask(question).strip()
         except EOFError:
-            raise InstrumentError(f"{self._name}: no one types any more", Fault.DISCONNECTED) from None
+            raise self._error("no one types any more", Fault.DISCONNECTED) from None
 
 
 def luminance_in(typed: str) -> float:

@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate, split_address
+from evenlight.hardware.drivers.power_sampling import SamplingMeter, split_address
 from evenlight.hardware.drivers.serial_link import port_error
 from evenlight.hardware.plausibility import require_power
-from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, Instrument, InstrumentError
 
 TIMEOUT = 1.0  # [s]
 SLOWEST, FASTEST, RAW_RATE = 10.0, 10_000.0, 100_000  # [Hz]
@@ -42,43 +42,29 @@ LOOK_AHEAD = 4  # words that must follow on after a jump of the counter, or it w
 FULLEST = 0.5  # share of its words that a sample needs
 
 
-class Ppk2PowerMeter(SamplingMeter):
+class Ppk2PowerMeter(SamplingMeter, Instrument):
     """A PPK2 in ampere mode, between a panel and its supply.
 
     It measures no voltage, so power is current times the voltage that the address states. Times are its own
     count of samples from the computer's time at the start, not corrected for drift (some 30 ms in ten
     minutes): wire the frames' line to D0 where frames matter.
 
-    Parameters
-    ----------
-    url : str
-        Its port with the supply's voltage, e.g. "/dev/ttyACM0?voltage=5.0".
-    clock : callable, optional
-        The computer's clock [s]; time-outs go by the computer's own.
-    timeout : float, optional
-        How long it may be silent [s].
-
-    Raises
-    ------
-    InputError
-        If no voltage is stated, or one that a PPK2 does not take; if its library is not installed.
-    InstrumentError
-        If there is no PPK2 at the port.
+    The address is its port with the supply's voltage, "/dev/ttyACM0?voltage=5.0"; parameters as of
+    `Instrument`.
     """
 
-    def __init__(
-        self, url: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
-        place, options = split_address(url, "ppk2", {"voltage": "of the panel's supply [V]"})
+    longest = TIMEOUT
+    _rates = (SLOWEST, FASTEST)
+
+    def _open(self, address: str) -> None:
+        place, options = split_address(address, "ppk2", {"voltage": "of the panel's supply [V]"})
         self._voltage = options.get("voltage", 0.0)
         if not LOWEST_VOLTAGE <= self._voltage <= HIGHEST_VOLTAGE:
             raise InputError(
-                f"ppk2:{url}: state the voltage of the panel's supply, {LOWEST_VOLTAGE:g} to "
+                f"ppk2:{address}: state the voltage of the panel's supply, {LOWEST_VOLTAGE:g} to "
                 f"{HIGHEST_VOLTAGE:g} V, as in ppk2:/dev/ttyACM0?voltage=5.0: a PPK2 measures current only"
             )
-        self._name, self._clock = f"the PPK2 at {place}", clock
-        self._timeout = TIMEOUT if timeout is None else timeout
-        self._sampling, self._stream = False, WordStream()
+        self._name, self._stream = f"the PPK2 at {place}", WordStream()
         self._api = _opened(place, self._name, max(self._timeout, TIMEOUT))
         self._port = self._api.ser = _CheckedPort(self._api.ser)
         try:
@@ -92,16 +78,7 @@ class Ppk2PowerMeter(SamplingMeter):
             self._port.close()
             raise
 
-    def start(self, rate: float) -> float:
-        """Begin to sample, and return the rate achieved: 100 kHz over a whole number [Hz].
-
-        Raises
-        ------
-        InstrumentError
-            If the rate is outside 10 Hz to 10 kHz, or nothing comes.
-        """
-        self._require_open()
-        require_sample_rate(rate, SLOWEST, FASTEST, self._name)
+    def _begin(self, rate: float) -> float:
         self._do(self._api.stop_measuring)
         self._drained()  # what is on its way
         self._width = round(RAW_RATE / rate)  # words of a sample
@@ -112,44 +89,24 @@ class Ppk2PowerMeter(SamplingMeter):
         self._last_news = time.monotonic()
         while not (early := self._read()):
             if time.monotonic() > self._last_news + self._timeout:
-                raise InstrumentError(
-                    f"{self._name}: no reply to the start of a measurement; unplug it, and plug it in again",
-                    Fault.NO_REPLY,
+                raise self._error(
+                    "no reply to the start of a measurement; unplug it, and plug it in again", Fault.NO_REPLY
                 )
             time.sleep(0.0005)
-        self._early, self._sampling = early, True
-        return RAW_RATE / self._width
+        self._early = early
+        return RAW_RATE / self._width  # a whole number of words
 
-    def samples(self) -> Sequence[PowerSample]:
-        """Return the samples that came since the last call, in order; return at once.
-
-        Raises
-        ------
-        InstrumentError
-            OVER_RANGE above 1 A; GARBLED where bytes were lost; NO_REPLY or DISCONNECTED.
-        """
-        self._require_sampling(is_sampling=self._sampling)
+    def _news(self) -> Sequence[PowerSample]:
         data, self._early = self._early + self._read(), b""
         if data:
             self._last_news = time.monotonic()
         elif time.monotonic() > self._last_news + self._timeout:
-            raise InstrumentError(
-                f"{self._name}: sent nothing for {self._timeout:g} s; is it still plugged in?",
-                Fault.NO_REPLY,
+            raise self._error(
+                f"sent nothing for {self._timeout:g} s; is it still plugged in?", Fault.NO_REPLY
             )
         return self._averaged(data)
 
-    def stop(self) -> Sequence[PowerSample]:
-        """End the sampling, and return the samples that had not been taken.
-
-        Raises
-        ------
-        InstrumentError
-            GARBLED where more was lost than the instrument's counter of 64 can show.
-        """
-        if not self._sampling:
-            return []
-        self._sampling = False
+    def _rest(self) -> Sequence[PowerSample]:
         elapsed = self._clock() - self._began
         self._do(self._api.stop_measuring)
         samples = self._averaged(self._early + self._drained())
@@ -158,8 +115,8 @@ class Ppk2PowerMeter(SamplingMeter):
             samples += self._averaged(self._drained())  # on a computer that is busy
         samples += self._averaged(b"", is_last=True)
         if abs((counted := self._stream.seconds()) - elapsed) > allowed:
-            raise InstrumentError(
-                f"{self._name}: its samples make {counted:.3f} s of {elapsed:.3f} s measured; the "
+            raise self._error(
+                f"its samples make {counted:.3f} s of {elapsed:.3f} s measured; the "
                 "computer takes them too slowly, or the cable is bad",
                 Fault.GARBLED,
             )
@@ -178,7 +135,6 @@ class Ppk2PowerMeter(SamplingMeter):
         """End the stream, and let go of the instrument, which still feeds the panel."""
         if not self._closed and self._sampling:
             self._api.stop_measuring()  # which logs what the port says
-        self._sampling = False
         self._port.close()
         super().close()
 
@@ -187,10 +143,10 @@ class Ppk2PowerMeter(SamplingMeter):
         try:
             words, places = self._stream.take(data, is_last=is_last)
         except OutOfStepError as error:
-            raise InstrumentError(f"{self._name}: {error}", Fault.GARBLED) from None
+            raise self._error(f"{error}", Fault.GARBLED) from None
         currents = np.array(self._api.get_samples(words.tobytes())[0] if len(words) else []) * 1e-6
         if len(currents) != len(words):
-            raise InstrumentError(f"{self._name}: sent what is no measurement", Fault.GARBLED)
+            raise self._error("sent what is no measurement", Fault.GARBLED)
         if np.any(words & CONVERTER_MASK == CONVERTER_MASK):
             raise self._over_range("its converter is at its end")
         rows = np.vstack([self._rows, np.column_stack([places, currents, words >> LOGIC_SHIFT & 1])])
@@ -208,9 +164,7 @@ class Ppk2PowerMeter(SamplingMeter):
         return PowerSample(index, ended, received, power, bool(rows[-1, 2]))
 
     def _over_range(self, what: str) -> InstrumentError:
-        return InstrumentError(
-            f"{self._name}: {what}; a PPK2 measures up to {HIGHEST_CURRENT:g} A", Fault.OVER_RANGE
-        )
+        return self._error(f"{what}; a PPK2 measures up to {HIGHEST_CURRENT:g} A", Fault.OVER_RANGE)
 
     def _read_calibration(self, end: float) -> dict[str, str]:
         """Return what it reports; the library waits half a second, and is asked again until a time [s]."""
@@ -236,7 +190,7 @@ class Ppk2PowerMeter(SamplingMeter):
                 fault = Fault.WRONG_INSTRUMENT
                 words = f"answers {heard[:60]!r}, and is no PPK2; which instrument is at this port?"
             if fault is Fault.WRONG_INSTRUMENT or time.monotonic() >= end:
-                raise InstrumentError(f"{self._name}: {words}", fault)
+                raise self._error(f"{words}", fault)
 
     def _read(self) -> bytes:
         parts = []
@@ -253,24 +207,20 @@ class Ppk2PowerMeter(SamplingMeter):
             else:
                 time.sleep(QUIET / 20)
             if last > begun + LONGEST_STREAM:
-                raise InstrumentError(
-                    f"{self._name}: does not stop streaming; unplug it, and plug it in again", Fault.GARBLED
-                )
+                raise self._error("does not stop streaming; unplug it, and plug it in again", Fault.GARBLED)
         return came
 
     def _do(self, call: Callable[..., Any], *arguments: Any) -> Any:
         """Return what a call of the library returns; an error of the port, logged or not, closes it."""
         if not self._port.port.is_open:
-            raise InstrumentError(f"{self._name}: is no longer connected", Fault.DISCONNECTED)
+            raise self._error("is no longer connected", Fault.DISCONNECTED)
         try:
             returned = call(*arguments)
             if self._port.error is not None:
                 raise self._port.error
         except (OSError, TypeError) as error:  # TypeError: pyserial's, where the file is gone in between
             self._port.close()
-            raise InstrumentError(
-                f"{self._name}: the connection broke ({error})", Fault.DISCONNECTED
-            ) from None
+            raise self._error(f"the connection broke ({error})", Fault.DISCONNECTED) from None
         return returned
 
 

@@ -8,23 +8,15 @@ parity, so each reading is asked for a second time, without measuring again: the
 from __future__ import annotations
 
 import re
-import time
-from collections.abc import Callable
 
 from evenlight.hardware.drivers.serial_link import LineSettings
 from evenlight.hardware.drivers.serial_meter import MeterAnswer, SerialMeter
 from evenlight.hardware.protocols import Fault, InstrumentError
 
-LINE = LineSettings(  # no handshake: as psychopy-photoresearch and Psychtoolbox's PR655Toolbox open it
-    baud_rate=9600,
-    data_bits=8,
-    parity="N",
-    stop_bits=1,
-    terminator=b"\r\n",
-    timeout=60.0,  # a PR-670 exposes for up to 30 s, as long again for its dark signal; a PR-650 is slow
-)
+# 9600 8N1 without handshake: as psychopy-photoresearch and Psychtoolbox's PR655Toolbox open it
+LINE = LineSettings(baud_rate=9600)
+LONGEST = 60.0  # [s] a PR-670 exposes for up to 30 s, as long again for its dark signal; a PR-650 is slow
 ENTERING_TIME = 1.5  # [s] in which it reports remote mode
-BETWEEN_CHARACTERS = 0.05  # [s] as Psychtoolbox leaves
 REMOTE_MODE = b"REMOTE MODE"
 CODE = re.compile(r"-?\d{4,5}|-\d{1,3}")
 FINE = "0000"
@@ -57,28 +49,6 @@ ERROR_CODES: dict[int, tuple[str, Fault]] = {
     -10: ("cannot synchronise to the light by itself", Fault.REFUSED),
     -12: ("its adaptive mode found no exposure in time: the light is not constant", Fault.REFUSED),
     -1000: ("it does not know the command", Fault.REFUSED),
-    -1001: ("too many fields in a setting", Fault.REFUSED),
-    -1002: ("no such primary accessory", Fault.REFUSED),
-    -1003: ("no such add-on accessory 1", Fault.REFUSED),
-    -1004: ("no such add-on accessory 2", Fault.REFUSED),
-    -1005: ("the accessory is no primary one", Fault.REFUSED),
-    -1006: ("the accessory is no add-on", Fault.REFUSED),
-    -1007: ("the accessory is selected already", Fault.REFUSED),
-    -1008: ("no such aperture", Fault.REFUSED),
-    -1009: ("no such system of units", Fault.REFUSED),
-    -1010: ("no such exposure: 3 to 6000 ms on a PR-655, 6 to 30000 ms on a PR-670", Fault.REFUSED),
-    -1011: ("no such gain", Fault.REFUSED),
-    -1012: ("no such number of averages: 1 to 99", Fault.REFUSED),
-    -1015: ("no such observer: 2 or 10 degrees", Fault.REFUSED),
-    -1017: ("no such dark mode", Fault.REFUSED),
-    -1019: ("no such synchronisation mode", Fault.REFUSED),
-    -1021: ("the title is too long", Fault.REFUSED),
-    -1022: ("the title is empty", Fault.REFUSED),
-    -1023: ("no such frequency: 20 to 400 Hz", Fault.REFUSED),
-    -1024: ("no such recall command", Fault.REFUSED),
-    -1025: ("no such add-on accessory 3", Fault.REFUSED),
-    -1026: ("no such sensitivity", Fault.REFUSED),
-    -1035: ("this instrument has no such setting", Fault.REFUSED),
     -2000: ("it has no such data", Fault.REFUSED),
 }
 PR650_BACKLIGHT_ON = b"b1\n"
@@ -114,31 +84,15 @@ PR650_QUALITY: dict[int, tuple[str, Fault]] = {
 
 
 class Pr655(SerialMeter):
-    """The PR-655; parameters as of `SerialMeter`, and one more.
-
-    Parameters
-    ----------
-    url, clock, timeout
-        As of `SerialMeter`.
-    interval : float, optional
-        Between two characters that are sent [s].
-    """
+    """The PR-655; parameters as of `SerialMeter`."""
 
     driver = "pr655"
     maker, model, line = "Photo Research", "PR-655", LINE
+    longest = LONGEST
+    interval = 0.05  # [s] between two characters that are sent, as Psychtoolbox leaves
     wake = "Switch it on, wait for its menu, and let no other program use it"
     zero_is_a_reading = False
-
-    def __init__(
-        self,
-        url: str,
-        clock: Callable[[], float] = time.monotonic,
-        timeout: float | None = None,
-        interval: float = BETWEEN_CHARACTERS,
-    ) -> None:
-        self._interval = interval
-        self._serial_number = self._firmware = ""
-        super().__init__(url, clock, timeout)
+    _serial_number = _firmware = ""
 
     def apparatus(self) -> dict[str, str]:
         """Return what the instrument said of itself when it was opened."""
@@ -166,7 +120,7 @@ class Pr655(SerialMeter):
 
     def _enter_remote_mode(self) -> None:
         """Send the word that starts it, which an instrument that is in it already takes for a command."""
-        self._link.write(b"PHOTO", self._interval)
+        self._link.write(b"PHOTO", self.interval)
         try:
             self._link.read_until(REMOTE_MODE, min(ENTERING_TIME, self._timeout))
             return
@@ -198,7 +152,7 @@ class Pr655(SerialMeter):
             what = OTHER_UNITS.get(units, "in units that its manual does not have")
             raise self._error(f"measures {what}: take the accessory off", Fault.REFUSED, found[1])
         luminance, x, y = (float(found[place]) for place in (2, 3, 4))
-        return MeterAnswer(luminance, FINE, (x, y))
+        return luminance, FINE, (x, y)
 
     def _leave(self) -> None:
         """Leave remote mode; it does not answer."""
@@ -212,14 +166,12 @@ class Pr655(SerialMeter):
         if not CODE.fullmatch(code):
             raise self._error(f"sent {line!r}, which has no code", Fault.GARBLED)
         if int(code) != 0:
-            words, fault = ERROR_CODES.get(
-                int(code), ("an error that its manual does not have", Fault.REFUSED)
-            )
+            words, fault = ERROR_CODES.get(int(code), ("see this error in its manual", Fault.REFUSED))
             raise self._error(f"{words} (error {int(code)})", fault, str(int(code)))
         return rest
 
     def _send(self, command: str) -> None:
-        self._link.write(command.encode() + b"\r", self._interval)
+        self._link.write(command.encode() + b"\r", self.interval)
 
 
 class Pr670(Pr655):
@@ -233,6 +185,7 @@ class Pr650(SerialMeter):
 
     driver = "pr650"
     maker, model, line = "Photo Research", "PR-650", LINE
+    longest = LONGEST
     wake = "Switch it off and on, and connect within 5 s"
     zero_is_a_reading = False
 
@@ -276,7 +229,7 @@ class Pr650(SerialMeter):
             raise self._error(f"its units are not cd/m^2 (code {found[2]})", Fault.REFUSED, found[2])
         X, Y, Z = (float(found[place]) for place in (3, 4, 5))
         total = X + Y + Z
-        return MeterAnswer(Y, "00", (X / total, Y / total) if total > 0 else None)
+        return Y, "00", (X / total, Y / total) if total > 0 else None
 
     def _values(self) -> str:
         self._ask_landmark()

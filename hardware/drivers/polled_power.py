@@ -10,16 +10,15 @@ from __future__ import annotations
 
 import errno
 import re
-import time
 from abc import abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from subprocess import DEVNULL, TimeoutExpired, run
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.drivers.power_sampling import PolledMeter, split_address
 from evenlight.hardware.plausibility import require_power
-from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, Instrument, InstrumentError
 
 SYS = Path("/sys")
 SENSORS, SUPPLIES = ("class/hwmon", "bus/iio/devices"), "class/power_supply"  # under it
@@ -55,38 +54,22 @@ ASK = (
 )
 
 
-class HwmonPowerMeter(PolledMeter):
+class HwmonPowerMeter(PolledMeter, Instrument):
     """A power sensor under Linux's hwmon or iio; its samples carry the computer's time.
 
-    Parameters
-    ----------
-    url : str
-        The name of its chip, or its folder; "?channel=" and a number after it where it has several inputs.
-    clock : callable, optional
-        The computer's clock [s].
-    timeout : float, optional
-        Not needed: a file is there or not.
-    root : Path, optional
-        Where Linux shows its devices.
-
-    Raises
-    ------
-    InstrumentError
-        If there is no such device, it tells no power, or it cannot be read.
+    The address is the name of its chip, or its folder; "?channel=" and a number after it where it has several
+    inputs. Parameters as of `Instrument`.
     """
 
-    def __init__(
-        self,
-        url: str,
-        clock: Callable[[], float] = time.monotonic,
-        timeout: float | None = None,
-        root: Path = SYS,
-    ) -> None:
-        place, options = split_address(url, "hwmon", {"channel": "which input of the sensor, from 1"})
+    root = SYS  # where Linux shows its devices
+    _why = " (see its update_interval)"
+
+    def _open(self, address: str) -> None:
+        place, options = split_address(address, "hwmon", {"channel": "which input of the sensor, from 1"})
         channel = options.get("channel", 1.0)
         if channel != round(channel):
-            raise InputError(f"hwmon:{url}: channel must be a whole number from 1, got {channel:g}")
-        folder = _sensor_at(place, root)
+            raise InputError(f"hwmon:{address}: channel must be a whole number from 1, got {channel:g}")
+        folder = _sensor_at(place, self.root)
         self._chip, self._factors = _chip_of(folder), _factors(folder, round(channel))
         if not self._factors:
             raise InstrumentError(
@@ -97,7 +80,8 @@ class HwmonPowerMeter(PolledMeter):
         interval, (slowest, fastest) = folder / "update_interval", SENSOR_RATES
         if interval.exists() and (update := read_number(interval)) > 0:
             fastest = min(fastest, 1000 / update)  # [ms]
-        super().__init__(str(folder), clock, (slowest, fastest), " (see its update_interval)")
+        self._name, self._rates = str(folder), (slowest, fastest)
+        self._read_power()
 
     def apparatus(self) -> dict[str, str]:
         """Return what Linux says of the sensor."""
@@ -119,8 +103,8 @@ class HwmonPowerMeter(PolledMeter):
         voltage = abs(read_number(self._shunt) * self._shunt_unit)
         near = [end for end in self._shunt_ends if abs(voltage - end) <= self._shunt_unit]
         if near or voltage > self._shunt_ends[-1]:
-            raise InstrumentError(
-                f"{self._name}: {voltage:.4g} mV over the shunt, the most that an {self._chip} tells is "
+            raise self._error(
+                f"{voltage:.4g} mV over the shunt, the most that an {self._chip} tells is "
                 f"{(near or self._shunt_ends)[-1]:g} mV; take a smaller shunt",
                 Fault.OVER_RANGE,
             )
@@ -216,18 +200,16 @@ def _number(text: str, what: str) -> float:
     return float(text)
 
 
-class GaugePowerMeter(PolledMeter):
+class GaugePowerMeter(PolledMeter, Instrument):
     """A battery's gauge; its numbers are µA and µV, or mA and mV, by the size of the first of them."""
 
     driver: str  # its name, as `plausibility` has it
     _units: tuple[float, float] | None = None  # of current [A] and voltage [V], once known
-
-    def __init__(self, name: str, clock: Callable[[], float]) -> None:
-        self._units = _gauge_units(self._values(), name)
-        super().__init__(name, clock, GAUGE_RATES, " (a battery's gauge is slow: give --rate-hz 1)")
+    _rates, _why = GAUGE_RATES, " (a battery's gauge is slow: give --rate-hz 1)"
 
     def _read_power(self) -> float:
-        assert self._units is not None
+        if self._units is None:
+            self._units = _gauge_units(self._values(), self._name)
         return drawn_power(self._values(), self._units, self.driver, self._name)
 
     @abstractmethod
@@ -282,28 +264,20 @@ def drawn_power(values: Mapping[str, str], units: tuple[float, float], driver: s
 
 
 class BatteryPowerMeter(GaugePowerMeter):
-    """The battery of the computer: its name under power_supply, its folder, or "" for the only one.
+    """The battery of the computer: its name under power_supply, its folder, or "" for the only one."""
 
-    Arguments and errors are those of `HwmonPowerMeter`.
-    """
+    driver, root = "battery", SYS
 
-    driver = "battery"
-
-    def __init__(
-        self,
-        url: str,
-        clock: Callable[[], float] = time.monotonic,
-        timeout: float | None = None,
-        root: Path = SYS,
-    ) -> None:
-        self._folder = _battery_at(url, root)
+    def _open(self, address: str) -> None:
+        self._folder = _battery_at(address, self.root)
+        self._name = str(self._folder)
         self._files = ("power_now",) if (self._folder / "power_now").exists() else VALUES
         if not all((self._folder / name).exists() for name in self._files):
             raise InstrumentError(
                 f"{self._folder}: this battery tells neither power_now nor current_now with voltage_now",
                 Fault.WRONG_INSTRUMENT,
             )
-        super().__init__(str(self._folder), clock)
+        self._read_power()
 
     def apparatus(self) -> dict[str, str]:
         """Return what it is."""
@@ -328,30 +302,20 @@ def _battery_at(place: str, root: Path) -> Path:
 class AdbPowerMeter(GaugePowerMeter):
     """The battery of an Android headset or phone; each reading is a call of adb, of some 50 ms.
 
-    Parameters
-    ----------
-    address : str
-        The device's serial number or network address in the list of `adb devices`, empty for the only one;
-        then, if adb is not on the path, "@" and where it is.
-    clock, timeout : callable and float, optional
-        The computer's clock, whose times the samples carry, and how long adb may take [s].
-
-    Raises
-    ------
-    InstrumentError
-        If there is no adb, no such device, it is not allowed, it charges, or keeps its battery from adb.
+    The address is the device's serial number or network address in the list of `adb devices`, empty for the
+    only one; then, if adb is not on the path, "@" and where it is. Parameters as of `Instrument`.
     """
 
     driver = "adb"
+    longest = ANSWERS_WITHIN
 
-    def __init__(
-        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
+    def _open(self, address: str) -> None:
         serial, _, program = address.partition("@")
-        self._name, self._timeout = f"adb:{serial}", OPENED_WITHIN if timeout is None else timeout
+        self._name = f"adb:{serial}"
         self._command = [program or "adb", *(("-s", serial) if serial else ()), "shell", ASK]
-        super().__init__(self._name, clock)
-        self._timeout = ANSWERS_WITHIN if timeout is None else timeout
+        answers_within, self._timeout = self._timeout, max(self._timeout, OPENED_WITHIN)
+        self._read_power()
+        self._timeout = answers_within
 
     def apparatus(self) -> dict[str, str]:
         """Return what the device says of itself."""
@@ -365,11 +329,11 @@ class AdbPowerMeter(GaugePowerMeter):
         line, _, self._model = self._printed().strip().partition("\n")
         one, _, other = line.strip().partition("|")
         if one != other or one.count(",") != len(VALUES):
-            raise InstrumentError(f"{self._name}: answered {line[:60]!r}", Fault.GARBLED)
+            raise self._error(f"answered {line[:60]!r}", Fault.GARBLED)
         values = dict(zip(("status", *VALUES), one.split(","), strict=True))
         if not values["current_now"]:
-            raise InstrumentError(
-                f"{self._name}: its shell may not read current_now of a battery: the maker keeps it from adb",
+            raise self._error(
+                "its shell may not read current_now of a battery: the maker keeps it from adb",
                 Fault.WRONG_INSTRUMENT,
             )
         return values
@@ -378,20 +342,18 @@ class AdbPowerMeter(GaugePowerMeter):
         try:
             done = run(self._command, stdin=DEVNULL, capture_output=True, timeout=self._timeout, check=False)
         except OSError as error:
-            raise InstrumentError(
-                f"{self._name}: no program {self._command[0]!r}; install it with: apt install adb "
-                f"({error.strerror})",
+            raise self._error(
+                f"no program {self._command[0]!r}; install it with: apt install adb ({error.strerror})",
                 Fault.NOT_FOUND,
             ) from None
         except TimeoutExpired:
-            raise InstrumentError(
-                f"{self._name}: no answer within {self._timeout:g} s; is it in reach, and awake?",
-                Fault.NO_REPLY,
+            raise self._error(
+                f"no answer within {self._timeout:g} s; is it in reach, and awake?", Fault.NO_REPLY
             ) from None
         if done.returncode:
             said = done.stderr.decode("utf-8", "replace").strip().partition("\n")[0]
-            raise InstrumentError(
-                f"{self._name}: adb says {said[:120] or 'nothing'!r}; does `adb devices` list it, is it "
+            raise self._error(
+                f"adb says {said[:120] or 'nothing'!r}; does `adb devices` list it, is it "
                 "awake, and is USB debugging allowed?",
                 Fault.DISCONNECTED if self._units else Fault.NOT_FOUND,
             )

@@ -16,47 +16,100 @@ RATE_ROUNDING = 1e-9  # of a rate that was computed
 
 
 class SamplingMeter(ContextDevice):
-    """A power meter that has samples to give between `start` and `stop`."""
+    """A power meter that has samples to give between `start` and `stop`; each driver says which."""
+
+    _rates: tuple[float, float]  # lowest and highest that it has [Hz]
+    _why = ""  # what explains them, after the device's name in the message where another is asked for
+    _sampling = False
+
+    def start(self, rate: float) -> float:
+        """Begin to sample at a rate [Hz], and return the one achieved: the nearest that the instrument has.
+
+        Raises
+        ------
+        InstrumentError
+            If the rate is outside what the instrument has, or it refuses.
+        """
+        self._require_open()
+        require_sample_rate(rate, *self._rates, self._name + self._why)
+        achieved = self._begin(rate)
+        self._sampling = True
+        return achieved
+
+    def samples(self) -> Sequence[PowerSample]:
+        """Return the samples that came since the last call, in order; return at once.
+
+        Raises
+        ------
+        InstrumentError
+            OVER_RANGE where the instrument could not measure; NO_REPLY, GARBLED or DISCONNECTED where nothing
+            of use comes any more.
+        """
+        self._require_open()
+        if not self._sampling:
+            raise self._error("is not sampling; start it first")
+        return self._news()
+
+    def stop(self) -> Sequence[PowerSample]:
+        """End the sampling, and return the samples that had not been taken.
+
+        Raises
+        ------
+        InstrumentError
+            If the instrument says that it had an error while it sampled, or more was lost than it can count.
+        """
+        if not self._sampling:
+            return []
+        self._sampling = False
+        return self._rest()
 
     def ping(self) -> ClockPing | None:
         """Return None: the samples carry the computer's own time, or are counted from it."""
         self._require_open()
         return None
 
-    def _require_sampling(self, *, is_sampling: bool) -> None:
-        self._require_open()
-        if not is_sampling:
-            raise InstrumentError(f"{self._name}: is not sampling; start it first")
+    def close(self) -> None:
+        """Let go of the instrument; more than once does nothing."""
+        self._sampling = False
+        super().close()
+
+    @abstractmethod
+    def _begin(self, rate: float) -> float:
+        """Begin to sample, and return the rate achieved [Hz]."""
+
+    @abstractmethod
+    def _news(self) -> Sequence[PowerSample]:
+        """Return what came since the last call; at once."""
+
+    def _rest(self) -> Sequence[PowerSample]:
+        """End the sampling, and return what had not been taken."""
+        return []
 
     def _require_forwards(self, power: float, cure: str) -> None:
         """Refuse a power [W] further below zero than any zero error."""
         if power < BACKWARDS:
-            raise InstrumentError(
-                f"{self._name}: the power is {power:.3f} W, so the current flows backwards; {cure}"
-            )
+            raise self._error(f"the power is {power:.3f} W, so the current flows backwards; {cure}")
 
 
-class PolledSampling:
-    """The times and the count of an instrument's samples that the computer asks for one by one.
+class PolledMeter(SamplingMeter):
+    """A power meter that the computer asks for values one by one; its samples carry the computer's time.
 
     A value that is asked for late makes the distance to the one before longer; none is made up, and none is
     lost: the count is of values that were read.
     """
 
-    def __init__(self) -> None:
-        self._period, self._due, self._count = 0.0, 0.0, 0
-        self.is_running = False
+    _clock: Callable[[], float]  # the computer's [s]
+    _count = 0
 
-    def begin(self, rate: float, now: float) -> None:
-        """Begin to ask at a rate [Hz], the first time now [s]."""
-        self._period, self._due, self._count = 1 / rate, now, 0
-        self.is_running = True
+    def _begin(self, rate: float) -> float:
+        self._period, self._due, self._count = 1 / rate, self._clock(), 0
+        return rate
 
-    def end(self) -> None:
-        """Ask no more."""
-        self.is_running = False
+    def _news(self) -> Sequence[PowerSample]:
+        sent = self._clock()
+        return [self._sample(self._read_power(), sent, self._clock())] if self._is_due(sent) else []
 
-    def is_due(self, now: float) -> bool:
+    def _is_due(self, now: float) -> bool:
         """Return whether the next value is to be asked for, and count on from there if it is."""
         if now < self._due - ROUNDING * self._period:
             return False
@@ -65,7 +118,7 @@ class PolledSampling:
             self._due = now + self._period
         return True
 
-    def sample(self, power: float, sent: float, received: float) -> PowerSample:
+    def _sample(self, power: float, sent: float, received: float) -> PowerSample:
         """Return the sample of a value that was asked for and came at two times of the computer [s].
 
         The instrument measured somewhere between the two; their middle stands for it.
@@ -73,73 +126,9 @@ class PolledSampling:
         self._count += 1
         return PowerSample(self._count - 1, (sent + received) / 2, received, power)
 
-
-class PolledMeter(SamplingMeter):
-    """A power meter that the computer reads whenever a value is due; its samples carry the computer's time.
-
-    Parameters
-    ----------
-    name : str
-        The device, as messages have it.
-    clock : callable
-        The computer's clock [s].
-    rates : tuple of float
-        Lowest and highest rate at which it may be read [Hz].
-    why : str
-        What explains the highest rate, for the message where more is asked for.
-
-    Raises
-    ------
-    InstrumentError
-        If it cannot be read now.
-    """
-
-    def __init__(self, name: str, clock: Callable[[], float], rates: tuple[float, float], why: str) -> None:
-        self._name, self._clock, self._rates, self._why = name, clock, rates, why
-        self._sampling = PolledSampling()
-        self._read_power()
-
-    def start(self, rate: float) -> float:
-        """Begin to sample at a rate [Hz], and return it.
-
-        Raises
-        ------
-        InstrumentError
-            If the device has no new value that often.
-        """
-        self._require_open()
-        require_sample_rate(rate, *self._rates, self._name + self._why)
-        self._sampling.begin(rate, self._clock())
-        return rate
-
-    def samples(self) -> Sequence[PowerSample]:
-        """Return a sample if one is due.
-
-        Raises
-        ------
-        InstrumentError
-            If the device cannot be read, or its power is no measurement.
-        """
-        self._require_sampling(is_sampling=self._sampling.is_running)
-        sent = self._clock()
-        if not self._sampling.is_due(sent):
-            return []
-        power = self._read_power()
-        return [self._sampling.sample(power, sent, self._clock())]
-
-    def stop(self) -> Sequence[PowerSample]:
-        """End the sampling; no sample waits to be taken."""
-        self._sampling.end()
-        return []
-
-    def close(self) -> None:
-        """Let go of the device; more than once does nothing."""
-        self._sampling.end()
-        super().close()
-
-    @abstractmethod
     def _read_power(self) -> float:
         """Return the power now [W]."""
+        raise NotImplementedError  # of a meter whose values take more than one call
 
 
 def require_sample_rate(rate: float, lowest: float, highest: float, device: str) -> None:

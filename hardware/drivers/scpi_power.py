@@ -8,21 +8,15 @@ from __future__ import annotations
 import math
 import re
 import time
-from collections.abc import Callable, Generator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from typing import ClassVar
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
-from evenlight.hardware.drivers.power_sampling import (
-    PolledSampling,
-    SamplingMeter,
-    positive,
-    require_sample_rate,
-    split_words,
-)
+from evenlight.hardware.drivers.power_sampling import PolledMeter, positive, split_words
 from evenlight.hardware.drivers.scpi_dialogue import SHOWN, ScpiDialogue, finished
 from evenlight.hardware.plausibility import require_power
-from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.protocols import Fault, Instrument, InstrumentError
 
 TIMEOUT = 5.0  # [s] a multimeter may average over a second or more
 SLOWEST, FASTEST = 0.01, 1000.0  # [Hz]
@@ -58,44 +52,28 @@ MOST_ASKED = 24  # times for one value, before its changing forms are an error
 STEADY = 1.5  # ratio of two neighbouring values; a lost digit before the point makes at least 2
 
 
-class ScpiPowerMeter(SamplingMeter):
+class ScpiPowerMeter(PolledMeter, Instrument):
     """A SCPI instrument at a socket or serial line; its samples carry the computer's time.
 
     It is asked for power, or for voltage and current of one output where it has no power. The next question
     goes out when `samples` is called and one is due; an answer that is not there at once is taken by a later
     call.
 
-    Parameters
-    ----------
-    url : str
-        "HOST", "HOST:PORT" or a serial port; after it "?channel=2" for another output than that which the
-        instrument takes by itself, "?measure=current&voltage=5.0" for a multimeter in a supply's line, with
-        the voltage of that [V].
-    clock : callable, optional
-        The computer's clock [s]; time-outs go by the computer's own.
-    timeout : float, optional
-        How long an answer may take [s].
-
-    Raises
-    ------
-    InputError
-        If the address asks for what is no power, or PyVISA is not installed.
-    InstrumentError
-        If nothing answers, it does not speak SCPI, or it does not measure what is asked for.
+    The address is "HOST", "HOST:PORT" or a serial port; after it "?channel=2" for another output than that
+    which the instrument takes by itself, "?measure=current&voltage=5.0" for a multimeter in a supply's line,
+    with the voltage of that [V]. Parameters as of `Instrument`.
     """
 
     driver: ClassVar = "scpi"
     backend: ClassVar = "@py"
+    _rates = (SLOWEST, FASTEST)
 
-    def __init__(
-        self, url: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
-        place, said = split_words(url, self.driver, OPTIONS)
-        self._function, self._voltage, self._channel = _stated(said, f"{self.driver}:{url}")
+    def _open(self, address: str) -> None:
+        place, said = split_words(address, self.driver, OPTIONS)
+        self._function, self._voltage, self._channel = _stated(said, f"{self.driver}:{address}")
         resource = place if "::" in place or self.driver == "visa" else resource_name(place)
-        self._name, self._clock, self._sampling = f"the SCPI instrument at {place}", clock, PolledSampling()
-        timeout = TIMEOUT if timeout is None else timeout
-        self._dialogue = ScpiDialogue(self._name, resource, timeout, self.backend)
+        self._name = f"the SCPI instrument at {place}"
+        self._dialogue = ScpiDialogue(self._name, resource, self._timeout, self.backend)
         self._asking: Generator[None, None, PowerSample] | None = None
         try:
             self._is_yokogawa = self._dialogue.identity.upper().startswith(YOKOGAWA)
@@ -108,35 +86,17 @@ class ScpiPowerMeter(SamplingMeter):
             raise
         self._forms = {question: NumberForm() for question in self._questions}
 
-    def start(self, rate: float) -> float:
-        """Begin to sample at a rate [Hz], and return the one achieved: no higher than it answers.
-
-        Raises
-        ------
-        InstrumentError
-            If the rate is one that no such instrument has, or what it measures is no panel's power.
-        """
-        self._require_open()
-        require_sample_rate(rate, SLOWEST, FASTEST, self._name)
+    def _begin(self, rate: float) -> float:
+        """Begin to sample, no faster than it answers; refuse what is no panel's power."""
         self._asking = None
         finished(self._measure())  # which finds the form of its numbers
         begun = time.monotonic()
         finished(self._measure(doubting=True))
-        achieved = min(rate, 1 / (time.monotonic() - begun))
-        self._sampling.begin(achieved, self._clock())
-        return achieved
+        return super()._begin(min(rate, 1 / (time.monotonic() - begun)))
 
-    def samples(self) -> Sequence[PowerSample]:
-        """Return a sample if one has come; ask for the next if it is due.
-
-        Raises
-        ------
-        InstrumentError
-            OVER_RANGE where the instrument reports an overload; NO_REPLY, GARBLED or DISCONNECTED.
-        """
-        self._require_sampling(is_sampling=self._sampling.is_running)
+    def _news(self) -> Sequence[PowerSample]:
         if self._asking is None:
-            if not self._sampling.is_due(self._clock()):
+            if not self._is_due(self._clock()):
                 return []
             self._asking = self._measure()
         asking, self._asking = self._asking, None
@@ -147,34 +107,22 @@ class ScpiPowerMeter(SamplingMeter):
         self._asking = asking
         return []
 
-    def stop(self) -> Sequence[PowerSample]:
-        """End the sampling, and return the sample that was asked for last.
-
-        Raises
-        ------
-        InstrumentError
-            If the instrument had an error while it sampled, in its words.
-        """
-        if not self._sampling.is_running:
-            return []
-        self._sampling.end()
+    def _rest(self) -> Sequence[PowerSample]:
+        """Return the sample that was asked for last, unless the instrument had an error meanwhile."""
         asking, self._asking = self._asking, None
         left = [] if asking is None else [finished(asking)]
         last = ""
         for _ in range(MOST_ERRORS if self._errors else 0):
             answer = finished(self._dialogue.asked(self._errors))
             if (match := ERROR.fullmatch(answer)) is None:
-                raise InstrumentError(
-                    f"{self._name}: {answer[:SHOWN]!r} is no error of SCPI; its errors cannot be read",
-                    Fault.GARBLED,
+                raise self._error(
+                    f"{answer[:SHOWN]!r} is no error of SCPI; its errors cannot be read", Fault.GARBLED
                 )
             if not int(match[1]):
                 break
             last = answer
         if last:
-            raise InstrumentError(
-                f"{self._name}: had the error {last}", Fault.REFUSED, last.partition(",")[0].strip()
-            )
+            raise self._error(f"had the error {last}", Fault.REFUSED, last.partition(",")[0].strip())
         return left
 
     def apparatus(self) -> dict[str, str]:
@@ -185,7 +133,6 @@ class ScpiPowerMeter(SamplingMeter):
 
     def close(self) -> None:
         """Let go of the instrument; more than once does nothing."""
-        self._sampling.end()
         self._dialogue.close()
         super().close()
 
@@ -204,9 +151,8 @@ class ScpiPowerMeter(SamplingMeter):
                     return questions
         wanted = self._function or "power, nor voltage and current"
         wanted += "" if self._channel is None else f", of a channel {self._channel}"
-        raise InstrumentError(
-            f"{self._name}: {self._dialogue.identity} does not measure {wanted}; {ADVICE}",
-            Fault.WRONG_INSTRUMENT,
+        raise self._error(
+            f"{self._dialogue.identity} does not measure {wanted}; {ADVICE}", Fault.WRONG_INSTRUMENT
         )
 
     def _selects(self, form: str, quantity: str) -> bool:
@@ -243,15 +189,13 @@ class ScpiPowerMeter(SamplingMeter):
             self._require_forwards(power, "swap the leads")
             if doubting and (values.get("V", math.inf) < LEAST_VOLTAGE or abs(power) < LEAST_POWER):
                 said = " and ".join(f"{value:g} {unit}" for unit, value in values.items())
-                raise InstrumentError(
-                    f"{self._name}: measures {said}, which no panel takes; is it on? {ADVICE}",
-                    Fault.WRONG_INSTRUMENT,
+                raise self._error(
+                    f"measures {said}, which no panel takes; is it on? {ADVICE}", Fault.WRONG_INSTRUMENT
                 )
             since = time.monotonic() - self._dialogue.came
-            return self._sampling.sample(power, sent, max(self._clock() - since, sent))
-        raise InstrumentError(
-            f"{self._name}: answers {answer[:SHOWN]!r}, and each time in another form; is the line bad?",
-            Fault.GARBLED,
+            return self._sample(power, sent, max(self._clock() - since, sent))
+        raise self._error(
+            f"answers {answer[:SHOWN]!r}, and each time in another form; is the line bad?", Fault.GARBLED
         )
 
 

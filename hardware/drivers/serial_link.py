@@ -100,7 +100,8 @@ class SerialLink(ContextDevice):
             raise InputError(f"settings must be LineSettings, got {settings!r}")
         if not (clock is None or callable(clock)):
             raise InputError(f"clock must be a function, got {clock!r}")
-        self.name, self._settings = f"{text('device', device)} at {url}", settings
+        self.name = self._name = f"{text('device', device)} at {url}"
+        self._settings = settings
         self._clock = time.monotonic if clock is None else clock
         self._came = b""  # read from the port, not yet taken
         self._port: serial.SerialBase | None = _open(url, settings, self.name)
@@ -139,9 +140,8 @@ class SerialLink(ContextDevice):
         try:
             return line.decode("ascii")
         except UnicodeDecodeError:
-            raise InstrumentError(
-                f"{self.name}: sent what is no text, {_quoted(line)}; are baud rate and parity right?",
-                Fault.GARBLED,
+            raise self._error(
+                f"sent what is no text, {_quoted(line)}; are baud rate and parity right?", Fault.GARBLED
             ) from None
 
     def read_until(self, end_of_it: bytes, timeout: float | None = None) -> bytes:
@@ -185,9 +185,7 @@ class SerialLink(ContextDevice):
                 end = self._clock() + quiet
             elif self._clock() >= end:
                 return self._text(thrown)
-        raise InstrumentError(
-            f"{self.name}: never stops sending, beginning with {_quoted(thrown)}", Fault.GARBLED
-        )
+        raise self._error(f"never stops sending, beginning with {_quoted(thrown)}", Fault.GARBLED)
 
     def close(self) -> None:
         """Close the port; more than once does nothing."""
@@ -225,29 +223,27 @@ class SerialLink(ContextDevice):
         odd = settings.parity == "O"
         on_top = settings.data_bits == 7 and max(came, default=0) > 0x7F
         if 0 in came or (on_top and any(byte.bit_count() % 2 != odd for byte in came)):
-            raise InstrumentError(
-                f"{self.name}: sent a byte of the wrong parity in {_quoted(self._text(came))}", Fault.GARBLED
+            raise self._error(
+                f"sent a byte of the wrong parity in {_quoted(self._text(came))}", Fault.GARBLED
             )
 
     def _open_port(self) -> serial.SerialBase:
         if self._port is None:
-            raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
+            raise self._error("is no longer connected", Fault.DISCONNECTED)
         return self._port
 
     def _missing(self) -> InstrumentError:
         came, self._came = self._came, b""
         if came:
-            return InstrumentError(f"{self.name}: its reply broke off after {_quoted(came)}", Fault.GARBLED)
-        return InstrumentError(
-            f"{self.name}: no reply; is it switched on, and in remote mode?", Fault.NO_REPLY
-        )
+            return self._error(f"its reply broke off after {_quoted(came)}", Fault.GARBLED)
+        return self._error("no reply; is it switched on, and in remote mode?", Fault.NO_REPLY)
 
     def _broken(self, error: Exception) -> InstrumentError:
         try:
             self.close()
         except BROKEN:  # a port that is gone may not even close
             self._port = None
-        return InstrumentError(f"{self.name}: the connection broke ({error})", Fault.DISCONNECTED)
+        return self._error(f"the connection broke ({error})", Fault.DISCONNECTED)
 
 
 def _await_bytes(port: serial.SerialBase, seconds: float) -> None:

@@ -16,12 +16,11 @@ import re
 import time
 from abc import abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import TypeVar
 
 from evenlight.hardware.drivers.serial_link import LineSettings, SerialLink
 from evenlight.hardware.plausibility import require_luminance
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
+from evenlight.hardware.protocols import Fault, Instrument, InstrumentError, Reading
 
 QUIET = 0.05  # [s] that the line has been quiet before it is asked again
 OPENING_TIME = 4.0  # [s] in which what is there has to be known for the instrument, or for none
@@ -34,49 +33,30 @@ SECOND = "does a second instrument answer, or does something else use the port?"
 Answer = TypeVar("Answer")
 
 
-@dataclass(frozen=True, slots=True)
-class MeterAnswer:
-    """What an instrument answered to the question for a reading."""
-
-    luminance: float  # as it gave it [cd/m^2]
-    status: str  # its own word or code
-    chromaticity: tuple[float, float] | None = None  # CIE 1931 x and y, if it gave them
+# What an instrument answered: its luminance [cd/m^2], its own word or code, CIE 1931 x and y if it gave them.
+MeterAnswer = tuple[float, str, tuple[float, float] | None]
 
 
-class SerialMeter(ContextDevice):
+class SerialMeter(Instrument):
     """A luminance meter on a serial line; each instrument says what it is asked, and how answers are read.
 
-    Parameters
-    ----------
-    url : str
-        A port, or a URL of pyserial.
-    clock : callable, optional
-        Of the readings' times [s]. Time-outs go by the computer's own clock, for a line takes real time.
-    timeout : float, optional
-        How long a reply may take, in place of what the instrument needs [s].
-
-    Raises
-    ------
-    InstrumentError
-        If the port cannot be opened, or what answers is not the instrument; the port is closed then.
+    The address is a port, or a URL of pyserial; parameters as of `Instrument`. The port is closed where what
+    answers is not the instrument.
     """
 
     driver = ""  # its name in `hardware.driver_table`
     maker = model = ""  # as messages name the instrument
-    line: LineSettings  # as its manual has them, with the longest time that a reply takes
+    line: LineSettings  # as its manual has them
     wake = "is it switched on?"  # what makes the instrument listen, for the person at the bench
     zero_is_a_reading = True  # False where 0 is what is left of a difference, and may stand for anything dark
 
-    def __init__(
-        self, url: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
-        settings = self.line if timeout is None else dataclasses.replace(self.line, timeout=timeout)
+    def _open(self, address: str) -> None:
         device = f"{self.maker} {self.model}"
-        self._clock, self._timeout = clock, settings.timeout
         self._in_doubt = False  # whether an answer may still be on its way
         self._n_checked = 2  # of `_n_checks`, the last time
         self._n_due = 0  # landmarks that were asked for, and have not come
-        self._link = SerialLink(url, settings, device)
+        self._link = SerialLink(address, dataclasses.replace(self.line, timeout=self._timeout), device)
+        self._name = self._link.name
         self._all_over = time.monotonic() + OPENING_TIME  # when the last answer has to be there
         try:
             with self._advice():
@@ -97,8 +77,8 @@ class SerialMeter(ContextDevice):
         InstrumentError
             If there is none; the link is then fit for the next, or closed for good.
         """
-        (begun, found), ended = self._ask(lambda: (self._clock(), self._found_luminance())), self._clock()
-        return Reading(found.luminance, "cd/m^2", begun, ended, found.status, found.chromaticity)
+        begun, (luminance, status, x_y) = self._ask(lambda: (self._clock(), self._found_luminance()))
+        return Reading(luminance, "cd/m^2", begun, self._clock(), status, x_y)
 
     def close(self) -> None:
         """Let go of the instrument; more than once does nothing."""
@@ -185,16 +165,16 @@ class SerialMeter(ContextDevice):
             return answer
 
     def _found_luminance(self) -> MeterAnswer:
-        found = self._measure()
-        if found.luminance < 0 or (found.luminance == 0 and not self.zero_is_a_reading):
+        luminance, status, x_y = self._measure()
+        if luminance < 0 or (luminance == 0 and not self.zero_is_a_reading):
             raise self._error(
-                f"too dark for it: it makes {found.luminance:.4g} cd/m^2 of the screen, which is not above "
-                "its zero",
+                f"too dark for it: it makes {luminance:.4g} cd/m^2 of the screen, which is not above its "
+                "zero",
                 Fault.UNDER_RANGE,
-                found.status,
+                status,
             )
-        require_luminance(self.driver, self._link.name, found.luminance, found.chromaticity)
-        return found
+        require_luminance(self.driver, self._name, luminance, x_y)
+        return luminance, status, x_y
 
     def _next_line(self, skip: Callable[[str], bool] = lambda line: False) -> str:
         end = self._end()
@@ -219,9 +199,6 @@ class SerialMeter(ContextDevice):
 
     def _end(self) -> float:
         return min(time.monotonic() + self._timeout, self._all_over)
-
-    def _error(self, words: str, fault: Fault, code: str = "") -> InstrumentError:
-        return InstrumentError(f"{self._link.name}: {words}", fault, code)
 
     @contextlib.contextmanager
     def _advice(self) -> Iterator[None]:

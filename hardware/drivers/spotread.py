@@ -12,12 +12,11 @@ import os
 import re
 import shutil
 import subprocess
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.plausibility import require_luminance
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
+from evenlight.hardware.protocols import Fault, Instrument, InstrumentError, Reading
 
 READING_TIME = 60.0  # [s] a colorimeter takes some 10 s in the dark, and some seconds to be found
 LISTING_TIME = 20.0  # [s] it looks for instruments at every port
@@ -61,37 +60,22 @@ REASONS: tuple[tuple[str, str, Fault], ...] = (
 )
 
 
-class Spotread(ContextDevice):
+class Spotread(Instrument):
     """An instrument of ArgyllCMS.
 
-    Parameters
-    ----------
-    address : str
-        The instrument's number in the program's list, 1 if left out; then, if the program is not on the
-        path, "@" and where it is: "", "2", "2@/opt/argyll/bin/spotread".
-    clock : callable, optional
-        Of the readings' times [s].
-    timeout : float, optional
-        How long one reading may take [s].
-
-    Raises
-    ------
-    InputError
-        If that is no address.
-    InstrumentError
-        If there is no such program, or no such instrument in its list.
+    The address is the instrument's number in the program's list, 1 if left out; then, if the program is not
+    on the path, "@" and where it is: "", "2", "2@/opt/argyll/bin/spotread". Parameters as of `Instrument`.
     """
 
-    def __init__(
-        self, address: str, clock: Callable[[], float] = time.monotonic, timeout: float | None = None
-    ) -> None:
+    longest = READING_TIME
+
+    def _open(self, address: str) -> None:
         match = ADDRESS.fullmatch(address)
         if match is None:
             raise InputError(
                 f"spotread:{address}: expected a number of its list, and @PROGRAM if it is not on the path"
             )
         self._number, self._program = match[1] or "1", match[2] or "spotread"
-        self._clock, self._timeout = clock, READING_TIME if timeout is None else timeout
         self._name = f"spotread, instrument {self._number}"
         self._version, self._instrument = self._looked_up()
 
@@ -114,11 +98,9 @@ class Spotread(ContextDevice):
         total = X + Y + Z
         agree = luminance == Y and math.isclose(x * total, X, abs_tol=2e-6 * (1 + total))
         if len(results) > 1 or not agree:  # it was to measure once, and prints Y twice
-            raise InstrumentError(
-                f"{self._name}: printed no single result{_last_line(printed)}", Fault.GARBLED
-            )
+            raise self._error(f"printed no single result{_last_line(printed)}", Fault.GARBLED)
         if luminance <= 0:  # it shows what is below zero as 0
-            raise InstrumentError(f"{self._name}: too dark for it: it shows 0", Fault.UNDER_RANGE)
+            raise self._error("too dark for it: it shows 0", Fault.UNDER_RANGE)
         require_luminance("spotread", self._name, luminance, (x, y))
         return Reading(luminance, "cd/m^2", begun, ended, "Result is XYZ", (x, y))
 
@@ -139,7 +121,7 @@ class Spotread(ContextDevice):
         listed = dict(LISTED.findall(printed))
         if self._number not in listed:
             names = ", ".join(f"{number} ({name})" for number, name in listed.items()) or "none"
-            raise InstrumentError(f"{self._name}: not in its list; there is {names}", Fault.NOT_FOUND)
+            raise self._error(f"not in its list; there is {names}", Fault.NOT_FOUND)
         return version[1], listed[self._number]
 
     def _run(self, options: Sequence[str], timeout: float) -> str:
@@ -156,8 +138,8 @@ class Spotread(ContextDevice):
             )
         except subprocess.TimeoutExpired as error:
             printed = _text(error.stdout or b"")
-            raise InstrumentError(
-                f"{self._name}: took longer than {timeout:g} s and was ended{_last_line(printed)}; does it "
+            raise self._error(
+                f"took longer than {timeout:g} s and was ended{_last_line(printed)}; does it "
                 "wait for a key, or for a port that does not answer?",
                 Fault.NO_REPLY,
             ) from None
@@ -170,10 +152,8 @@ class Spotread(ContextDevice):
     def _failure(self, printed: str) -> InstrumentError:
         for pattern, words, fault in REASONS:
             if found := re.search(pattern, printed):
-                return InstrumentError(
-                    f"{self._name}: {words} ({_line_of(printed, found)!r})", fault, found[0]
-                )
-        return InstrumentError(f"{self._name}: ended without a result{_last_line(printed)}", Fault.GARBLED)
+                return self._error(f"{words} ({_line_of(printed, found)!r})", fault, found[0])
+        return self._error(f"ended without a result{_last_line(printed)}", Fault.GARBLED)
 
 
 def _text(printed: bytes) -> str:

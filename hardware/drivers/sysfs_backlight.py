@@ -48,7 +48,7 @@ class SysfsBacklight(SteppedBacklight):
         self, name: str, root: Path = SYSFS, min_interval: float = 0.01, *, curve_known: bool = False
     ) -> None:
         self._folder = root / name
-        super().__init__(str(self._folder), min_interval)
+        self._name, self._min_interval = str(self._folder), min_interval
         if not (self._folder / "max_brightness").is_file():
             names = sorted(path.name for path in root.glob("*")) if root.is_dir() else []
             raise InstrumentError(

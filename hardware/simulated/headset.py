@@ -19,7 +19,7 @@ from evenlight.hardware.presentation.headset_link import (
     Pose,
     rotation,
 )
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, KeyPress
+from evenlight.hardware.protocols import ContextDevice, Fault, KeyPress
 
 if TYPE_CHECKING:
     import moderngl
@@ -141,9 +141,9 @@ class SimulatedHeadset(ContextDevice):
         """Wait until the next frame may be drawn, and return it."""
         self._require_open()
         if self._open:
-            raise InstrumentError(f"{self._name}: a frame was begun before the last one ended")
+            raise self._error("a frame was begun before the last one ended")
         if self.script.lost_at is not None and self._frame >= self.script.lost_at:
-            raise InstrumentError(f"{self._name}: the runtime went away", Fault.DISCONNECTED)
+            raise self._error("the runtime went away", Fault.DISCONNECTED)
         self._refresh += self.script.dropped.get(self._frame, 0) + (self._frame > 0)
         if self._real_time:
             self._wait()
@@ -221,7 +221,7 @@ class SimulatedHeadset(ContextDevice):
 
     def _require_frame(self) -> None:
         if not self._open:
-            raise InstrumentError(f"{self._name}: no frame was begun")
+            raise self._error("no frame was begun")
 
 
 def _within(spans: Sequence[Span], when: float) -> bool:

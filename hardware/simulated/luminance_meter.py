@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError, Reading
+from evenlight.hardware.protocols import ContextDevice, Fault, Reading
 from evenlight.hardware.simulated.panel import Simulation
 
 if TYPE_CHECKING:
@@ -138,7 +138,7 @@ class SimulatedLuminanceMeter(ContextDevice):
         seen = sensed(luminance, physics, simulation.rng)
         if seen.fault is not None:
             words = WORDS[seen.fault].format(lowest=physics.lowest, highest=physics.highest)
-            raise InstrumentError(f"{self._name}: {words}", seen.fault)
+            raise self._error(f"{words}", seen.fault)
         return Reading(seen.luminance, "cd/m^2", begun, ended, "simulated")
 
     def apparatus(self) -> dict[str, str]:

@@ -184,6 +184,8 @@ class SimulatedBacklight(SteppedBacklight):
     0.684
     """
 
+    _name = "the simulated backlight"
+
     def __init__(
         self,
         clock: Callable[[], float],
@@ -192,7 +194,7 @@ class SimulatedBacklight(SteppedBacklight):
         min_interval: float = 0.01,
         follow: Callable[[float], None] | None = None,
     ) -> None:
-        super().__init__("the simulated backlight", min_interval)
+        self._min_interval = min_interval
         self._clock, self._follow, self._time_constant = clock, follow, time_constant
         self._steps = self._found = steps
         self._start, self._target, self._set_at = 1.0, 1.0, clock()

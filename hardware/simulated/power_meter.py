@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
-from evenlight.hardware.drivers.power_sampling import SamplingMeter, require_sample_rate
-from evenlight.hardware.protocols import Fault, InstrumentError
+from evenlight.hardware.drivers.power_sampling import SamplingMeter
+from evenlight.hardware.protocols import Fault
 from evenlight.hardware.simulated.panel import Simulation
 
 if TYPE_CHECKING:
@@ -139,50 +139,28 @@ class SimulatedPowerMeter(SamplingMeter):
     0.7
     """
 
-    _name = "the simulated power meter"
+    _name, _rates = "the simulated power meter", (SLOWEST, FASTEST)
 
     def __init__(self, simulation: Simulation, physics: PowerMeterPhysics | None = None) -> None:
         self._simulation, self._physics = simulation, physics or PowerMeterPhysics()
         self._sensor = SimulatedPowerSensor(simulation, self._physics)
         self._under_way: list[PowerSample] = []
         self._last_arrival = 0.0
-        self._sampling = False
 
-    def start(self, rate: float) -> float:
-        """Begin to sample at a rate [Hz], and return it: the meter has any.
-
-        Raises
-        ------
-        InstrumentError
-            If the rate is outside what the meter has.
-        """
-        self._require_open()
-        require_sample_rate(rate, SLOWEST, FASTEST, self._name)
+    def _begin(self, rate: float) -> float:
         self._under_way.clear()
         self._sensor.begin(rate)
-        self._last_arrival, self._sampling = self._simulation.clock(), True
+        self._last_arrival = self._simulation.clock()
         return rate
 
-    def samples(self) -> Sequence[PowerSample]:
-        """Return the samples that have arrived since the last call, in order.
-
-        Raises
-        ------
-        InstrumentError
-            If the panel took more than the meter measures, or it was not started.
-        """
-        self._require_sampling(is_sampling=self._sampling)
+    def _news(self) -> Sequence[PowerSample]:
         now = self._simulation.clock()
         self._take()
         arrived = [sample for sample in self._under_way if sample.received <= now]
         del self._under_way[: len(arrived)]
         return arrived
 
-    def stop(self) -> Sequence[PowerSample]:
-        """End the sampling, and return the samples that had not been taken."""
-        if not self._sampling:
-            return []
-        self._sampling = False
+    def _rest(self) -> Sequence[PowerSample]:
         self._take()
         now, left = self._simulation.clock(), self._under_way
         self._under_way = []
@@ -203,18 +181,13 @@ class SimulatedPowerMeter(SamplingMeter):
             "power_meter_range": f"{self._physics.highest_power:g} W",
         }
 
-    def close(self) -> None:
-        """Let go of the meter; more than once does nothing."""
-        self._sampling, self._closed = False, True
-
     def _take(self) -> None:
         """Send what the sensor has sampled on its way, or lose it."""
         lost, twice = self._physics.lost_share, self._physics.duplicated_share
         for sample in self._sensor.due():
             if sample.overload:
-                raise InstrumentError(
-                    f"{self._name}: the panel takes more than "
-                    f"{self._physics.highest_power:g} W, the most that it measures",
+                raise self._error(
+                    f"the panel takes more than {self._physics.highest_power:g} W, the most that it measures",
                     Fault.OVER_RANGE,
                 )
             chance = float(self._simulation.rng.random())

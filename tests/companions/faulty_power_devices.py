@@ -380,7 +380,7 @@ def scpi(n: int, rng: np.random.Generator, form: str, power: float, *, visa: boo
         place = f"TCPIP::127.0.0.1::{wire.port}::SOCKET" if visa else wire.address
         with (VisaPowerMeter if visa else ScpiPowerMeter)(place, timeout=PATIENT) as meter:
             meter.start(1000.0)
-            meter._sampling.begin(1e6, time.monotonic())  # always due
+            meter._period = 1e-6  # always due
             # A line too much and one too few in the same exchange pass: answers carry no number.
             spoiler.share, spoiler.apart = SHARE, 3
             meter._dialogue._timeout = TIMEOUT
@@ -477,7 +477,7 @@ def linux_file(n: int, rng: np.random.Generator, kind: str) -> Tally:
         if kind == "hwmon":
             meter = stack.enter_context(HwmonPowerMeter(str(panel)))
             meter.start(1000.0)
-            meter._sampling.begin(1e6, 0.0)
+            meter._period, meter._due = 1e-6, 0.0
 
             def read() -> int:
                 return round(meter.samples()[0].power * 1e6)

@@ -16,6 +16,11 @@ from evenlight.hardware.simulated.clocks import WaitingClock
 LAPTOP = {"type": "Battery", "status": "Discharging", "voltage_now": "11400000", "current_now": "750000"}
 
 
+@pytest.fixture(autouse=True)
+def _linux(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(BatteryPowerMeter, "root", tmp_path)
+
+
 def battery(root: Path, files: dict[str, str], name: str = "BAT0") -> Path:
     folder = root / "class/power_supply" / name
     folder.mkdir(parents=True, exist_ok=True)
@@ -24,8 +29,8 @@ def battery(root: Path, files: dict[str, str], name: str = "BAT0") -> Path:
     return folder
 
 
-def power(root: Path, url: str = "") -> float:
-    with BatteryPowerMeter(url, lambda: 1.0, root=root) as meter:
+def power(url: str = "") -> float:
+    with BatteryPowerMeter(url, lambda: 1.0) as meter:
         meter.start(1.0)
         (sample,) = meter.samples()
         return sample.power
@@ -35,12 +40,12 @@ def power(root: Path, url: str = "") -> float:
 def test_whichever_sign_a_gauge_gives_it_is_what_is_drawn(tmp_path, current) -> None:
     """Linux, power_supply, 2020: gauges have three conventions, and user space cannot go by the sign."""
     battery(tmp_path, LAPTOP | {"current_now": current})
-    assert power(tmp_path) == pytest.approx(8.55)
+    assert power() == pytest.approx(8.55)
 
 
 def test_power_now_in_microwatts_is_taken_where_it_is(tmp_path) -> None:
     battery(tmp_path, {"type": "Battery", "status": "Discharging", "power_now": "6723000"})
-    assert power(tmp_path, "BAT0") == pytest.approx(6.723)
+    assert power("BAT0") == pytest.approx(6.723)
 
 
 @pytest.mark.parametrize("status", ["Charging", "Full", "Not charging", "Unknown", ""])
@@ -49,13 +54,13 @@ def test_a_battery_that_is_not_discharged_is_refused_in_words(tmp_path, status) 
     with pytest.raises(
         InstrumentError, match=r"only while it is 'Discharging'.*pull the charging cable"
     ) as told:
-        BatteryPowerMeter("", root=tmp_path)
+        BatteryPowerMeter("")
     assert told.value.fault is Fault.REFUSED
 
 
 def test_a_cable_that_is_plugged_in_meanwhile_ends_the_measurement(tmp_path) -> None:
     folder, clock = battery(tmp_path, LAPTOP), WaitingClock()
-    meter = BatteryPowerMeter("", clock.now, root=tmp_path)
+    meter = BatteryPowerMeter("", clock.now)
 
     def wait(seconds: float) -> None:
         clock.wait(seconds)
@@ -81,7 +86,7 @@ def test_a_cable_that_is_plugged_in_meanwhile_ends_the_measurement(tmp_path) -> 
 )
 def test_a_number_that_no_battery_has_is_an_error_and_no_reading(tmp_path, changed, fault) -> None:
     folder = battery(tmp_path, LAPTOP)
-    with BatteryPowerMeter("", root=tmp_path) as meter:
+    with BatteryPowerMeter("") as meter:
         meter.start(1.0)
         battery(tmp_path, changed, folder.name)
         with pytest.raises(InstrumentError) as told:
@@ -93,9 +98,9 @@ def test_a_number_that_no_battery_has_is_an_error_and_no_reading(tmp_path, chang
 def test_units_are_settled_at_the_first_reading(tmp_path) -> None:
     """A gauge in mA and mV, then one number a thousand times as small: an error, not 1000 times the power."""
     battery(tmp_path, LAPTOP | {"current_now": "750", "voltage_now": "11400"})
-    assert power(tmp_path) == pytest.approx(8.55)
+    assert power() == pytest.approx(8.55)
     battery(tmp_path, LAPTOP)
-    with BatteryPowerMeter("", root=tmp_path) as meter:
+    with BatteryPowerMeter("") as meter:
         meter.start(1.0)
         battery(tmp_path, {"current_now": "750"})
         with pytest.raises(InstrumentError, match=r"0\.00075 A"):
@@ -106,24 +111,24 @@ def test_the_battery_of_a_mouse_is_not_the_computers(tmp_path) -> None:
     battery(tmp_path, LAPTOP | {"scope": "Device"}, "hidpp_battery_0")
     battery(tmp_path, {"type": "Mains", "online": "0"}, "AC")
     with pytest.raises(InstrumentError, match="there is none") as told:
-        BatteryPowerMeter("", root=tmp_path)
+        BatteryPowerMeter("")
     assert told.value.fault is Fault.NOT_FOUND
     battery(tmp_path, LAPTOP)
-    assert power(tmp_path) == pytest.approx(8.55)
+    assert power() == pytest.approx(8.55)
 
 
 def test_of_two_batteries_one_must_be_named(tmp_path) -> None:
     battery(tmp_path, LAPTOP)
     battery(tmp_path, LAPTOP | {"current_now": "500000"}, "BAT1")
     with pytest.raises(InstrumentError, match="several, battery:BAT0, battery:BAT1; give one of these"):
-        BatteryPowerMeter("", root=tmp_path)
-    assert power(tmp_path, "BAT1") == pytest.approx(5.7)
+        BatteryPowerMeter("")
+    assert power("BAT1") == pytest.approx(5.7)
 
 
 def test_a_battery_without_power_says_what_is_missing(tmp_path) -> None:
     battery(tmp_path, {"type": "Battery", "status": "Discharging", "voltage_now": "11400000"})
     with pytest.raises(InstrumentError, match="neither power_now nor current_now with voltage_now"):
-        BatteryPowerMeter("", root=tmp_path)
+        BatteryPowerMeter("")
 
 
 def test_a_value_that_stands_counts_for_as_long_as_it_stands(tmp_path) -> None:
@@ -135,7 +140,7 @@ def test_a_value_that_stands_counts_for_as_long_as_it_stands(tmp_path) -> None:
         clock.wait(seconds)
         (folder / "power_now").write_text("4000000" if clock.now() < 8.01 else "10000000")
 
-    average = average_power(BatteryPowerMeter("", clock.now, root=tmp_path), 12.5, 1.0, clock.now, wait)
+    average = average_power(BatteryPowerMeter("", clock.now), 12.5, 1.0, clock.now, wait)
     assert average.power == pytest.approx(6.0, abs=0.1)
 
 
@@ -146,7 +151,7 @@ def test_no_made_up_number_in_many_random_faults(tmp_path) -> None:
     """
     rng, folder = np.random.default_rng(21), battery(tmp_path, LAPTOP)
     n_errors = 0
-    with BatteryPowerMeter("", lambda: 0.0, root=tmp_path) as meter:
+    with BatteryPowerMeter("", lambda: 0.0) as meter:
         for _ in range(100):
             name = str(rng.choice(["status", "voltage_now", "current_now"]))
             text = bytearray(LAPTOP[name].encode())

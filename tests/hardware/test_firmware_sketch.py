@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from evenlight.hardware.drivers.board_link import PowerBoard
+from evenlight.hardware.drivers.board_link import PowerBoard, board_at
 from evenlight.hardware.drivers.power_board import BoardBacklight, BoardPowerMeter
 from evenlight.hardware.power_average import averaged
 from evenlight.hardware.protocols import InstrumentError
@@ -55,7 +55,7 @@ def board(program) -> Iterator[PowerBoard]:
     tty.setraw(other)
     process = subprocess.Popen([program, str(own)], pass_fds=[own])
     try:
-        with PowerBoard(os.ttyname(other)) as link:
+        with board_at(os.ttyname(other), time.monotonic) as link:
             yield link
     finally:
         process.kill()
@@ -66,7 +66,7 @@ def board(program) -> Iterator[PowerBoard]:
 
 @pytest.mark.slow
 def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
-    meter = BoardPowerMeter(board)
+    meter = BoardPowerMeter(board.url)
     assert meter.start(200.0) == 200.0
     begun, samples, offsets = time.monotonic(), [], []
     while time.monotonic() < begun + 1.5:
@@ -86,13 +86,13 @@ def test_the_sketch_samples_over_the_rollover_of_its_clock(board) -> None:
     at_the_ends = average.n_samples + average.n_lost - round(average.duration * 200) - 1
     # A busy computer may hold the sketch up: as it is stopped, up to 0.3 s; at its first sample, a little.
     assert -10 < at_the_ends < 60
-    assert board.corrupted_lines() == 0
+    assert board.corrupted_lines == 0
     assert {sample.sync for sample in samples} == {False, True}
 
 
 @pytest.mark.slow
 def test_the_sketch_dims_zeroes_and_refuses_in_words(board) -> None:
-    meter, backlight = BoardPowerMeter(board), BoardBacklight(board)
+    meter, backlight = BoardPowerMeter(board.url), BoardBacklight(board.url)
     assert backlight.set_factor(0.5) == backlight.read_factor() == 128 / 255
     for command, words in {
         "NONE": "error 2: unknown command",
@@ -117,7 +117,7 @@ def test_the_sketch_dims_zeroes_and_refuses_in_words(board) -> None:
 
 
 def test_the_sketch_takes_its_zero_off_without_wrapping_at_16_bits(board) -> None:
-    meter = BoardPowerMeter(board)
+    meter = BoardPowerMeter(board.url)
     board.ask("B 1")
     assert meter.zero() == pytest.approx(-300 * 2.5e-6 / 0.1)  # [A]
     board.ask("B 2")

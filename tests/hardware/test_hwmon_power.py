@@ -20,6 +20,11 @@ from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 FULL = 0.2945 + 0.001858 * 200  # [W]
 
 
+@pytest.fixture(autouse=True)
+def _linux(tmp_path, monkeypatch) -> None:
+    monkeypatch.setattr(HwmonPowerMeter, "root", tmp_path)
+
+
 def sensor(root: Path, files: dict[str, str], folder: str = "class/hwmon/hwmon3") -> Path:
     """Return the folder of a sensor with some files in it."""
     path = root / folder
@@ -29,9 +34,9 @@ def sensor(root: Path, files: dict[str, str], folder: str = "class/hwmon/hwmon3"
     return path
 
 
-def read(root: Path, url: str) -> float:
+def read(url: str) -> float:
     """Return one power that a driver reads."""
-    with HwmonPowerMeter(url, lambda: 1.0, root=root) as meter:
+    with HwmonPowerMeter(url, lambda: 1.0) as meter:
         meter.start(10.0)
         (sample,) = meter.samples()
         return sample.power
@@ -46,18 +51,18 @@ def simulation() -> Simulation:
 
 def test_power_is_in_microwatts(tmp_path) -> None:
     sensor(tmp_path, {"name": "ina226\n", "power1_input": "672300\n"})
-    assert read(tmp_path, "ina226") == pytest.approx(0.6723)
+    assert read("ina226") == pytest.approx(0.6723)
 
 
 def test_without_power_it_is_milliamperes_times_millivolts(tmp_path) -> None:
     folder = sensor(tmp_path, {"name": "ina3221\n", "curr2_input": "120\n", "in2_input": "5000\n"})
-    assert read(tmp_path, f"{folder}?channel=2") == pytest.approx(0.12 * 5.0)
+    assert read(f"{folder}?channel=2") == pytest.approx(0.12 * 5.0)
 
 
 def test_power_of_iio_is_milliwatts_by_its_scale(tmp_path) -> None:
     files = {"name": "ina226\n", "in_power2_raw": "1600\n", "in_power2_scale": "0.42\n"}
     sensor(tmp_path, files, "bus/iio/devices/iio:device0")
-    assert read(tmp_path, "ina226") == pytest.approx(1600 * 0.42e-3)
+    assert read("ina226") == pytest.approx(1600 * 0.42e-3)
 
 
 def test_without_power_iio_gives_current_times_the_panels_voltage(tmp_path) -> None:
@@ -70,7 +75,7 @@ def test_without_power_iio_gives_current_times_the_panels_voltage(tmp_path) -> N
         "in_voltage_scale": "1.25\n",  # mV, of all voltages
     }
     folder = sensor(tmp_path, files, "bus/iio/devices/iio:device0")
-    assert read(tmp_path, str(folder)) == pytest.approx(0.12 * 5.0)
+    assert read(str(folder)) == pytest.approx(0.12 * 5.0)
 
 
 def test_a_sensor_whose_shunt_is_at_its_end_is_over_range(tmp_path) -> None:
@@ -171,7 +176,7 @@ def test_a_current_that_flows_backwards_is_no_power(tmp_path) -> None:
     with pytest.raises(InstrumentError, match=r"-0.600 W, so the current flows backwards; swap"):
         HwmonPowerMeter(str(folder))
     (folder / "curr1_input").write_text("-1\n")  # a zero error of 5 mW
-    assert read(tmp_path, str(folder)) == pytest.approx(-0.005)
+    assert read(str(folder)) == pytest.approx(-0.005)
 
 
 def test_a_sensor_that_goes_away_is_disconnected(tmp_path) -> None:
@@ -204,23 +209,24 @@ def test_a_file_that_may_not_be_read_says_what_to_do(tmp_path, monkeypatch) -> N
         HwmonPowerMeter(str(folder))
 
 
-def test_a_sensor_that_is_not_there_is_told_with_those_that_are(tmp_path) -> None:
+def test_a_sensor_that_is_not_there_is_told_with_those_that_are(tmp_path, monkeypatch) -> None:
     sensor(tmp_path, {"name": "ina226\n", "power1_input": "1\n"})
     sensor(tmp_path, {"name": "coretemp\n", "temp1_input": "45000\n"}, "class/hwmon/hwmon0")
     with pytest.raises(
         InstrumentError, match=r"hwmon:ina219: .* no such device; there is hwmon:.*hwmon3 \(ina226\)$"
     ) as told:
-        HwmonPowerMeter("ina219", root=tmp_path)
+        HwmonPowerMeter("ina219")
     assert told.value.fault is Fault.NOT_FOUND
+    monkeypatch.setattr(HwmonPowerMeter, "root", tmp_path / "empty")
     with pytest.raises(InstrumentError, match="no such device; there is none"):
-        HwmonPowerMeter("ina219", root=tmp_path / "empty")
+        HwmonPowerMeter("ina219")
 
 
 def test_two_sensors_of_a_name_must_be_identifiable(tmp_path) -> None:
     for number in (3, 4):
         sensor(tmp_path, {"name": "ina226\n", "power1_input": "1\n"}, f"class/hwmon/hwmon{number}")
     with pytest.raises(InstrumentError, match=r"there are several, hwmon:.*hwmon3, hwmon:.*hwmon4; give one"):
-        HwmonPowerMeter("ina226", root=tmp_path)
+        HwmonPowerMeter("ina226")
 
 
 def test_a_sensor_of_something_else_is_the_wrong_instrument(tmp_path) -> None:

@@ -48,8 +48,9 @@ BEGINNINGS: dict[type, tuple[Script, Script]] = {
 
 @pytest.fixture(autouse=True)
 def _quick(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The line counts as quiet sooner."""
+    """The line counts as quiet sooner, and characters follow at once."""
     monkeypatch.setattr(serial_meter, "QUIET", 0.005)
+    monkeypatch.setattr(Pr655, "interval", 0.0)
 
 
 def played(driver: type, script: Script, readings: int = 1) -> list[Reading | InstrumentError]:
@@ -57,10 +58,9 @@ def played(driver: type, script: Script, readings: int = 1) -> list[Reading | In
     beginning, end = BEGINNINGS[driver]
     instrument = ScriptedInstrument([*beginning, *script, *end])
     found: list[Reading | InstrumentError] = []
-    options = {"interval": 0.0} if driver is Pr655 else {}
     terminal = driver not in (Ls100, Cs100a)  # which need 7 data bits
     with EmulatedLink(instrument, pseudo_terminal=terminal) as link:
-        meter: LuminanceMeter = driver(link.url, timeout=TIMEOUT, **options)
+        meter: LuminanceMeter = driver(link.url, timeout=TIMEOUT)
         with meter:
             for _ in range(readings):
                 try:
@@ -305,7 +305,7 @@ def test_a_pr670_that_is_named_pr655_is_told_so() -> None:
         EmulatedLink(ScriptedInstrument(script[:2]), pseudo_terminal=True) as link,
         pytest.raises(InstrumentError, match="it is a PR-670; name it pr670"),
     ):
-        Pr655(link.url, timeout=TIMEOUT, interval=0.0)
+        Pr655(link.url, timeout=TIMEOUT)
     assert issubclass(Pr670, Pr655)
 
 
@@ -317,7 +317,7 @@ def test_every_error_of_a_pr655_is_told_in_words() -> None:
     for code, error in zip(codes, played(Pr655, script, readings=len(codes)), strict=True):
         assert isinstance(error, InstrumentError)
         assert error.code == str(code)
-        words, fault = ERROR_CODES.get(code, ("its manual does not have", Fault.REFUSED))
+        words, fault = ERROR_CODES.get(code, ("see this error in its manual", Fault.REFUSED))
         assert words in str(error)
         assert error.fault is fault
 

@@ -349,15 +349,15 @@ class Tally:
     errors: Counter[str] = field(default_factory=Counter)
 
 
-METERS: dict[str, tuple[type[StandIn], Callable[..., LuminanceMeter], dict[str, Any]]] = {
-    "ls100": (StandInLs100, Ls100, {}),
-    "ls110": (StandInLs100, Ls110, {}),
-    "cs100a": (StandInCs100a, Cs100a, {}),
-    "pr655": (StandInPr655, Pr655, {"interval": 0.001}),
-    "pr670": (StandInPr670, Pr670, {"interval": 0.001}),
-    "pr650": (StandInPr650, Pr650, {}),
-    "colorcal": (StandInColorCal, ColorCal, {}),
-    "spotread": (StandInSpotread, Spotread, {}),
+METERS: dict[str, tuple[type[StandIn], Callable[..., LuminanceMeter]]] = {
+    "ls100": (StandInLs100, Ls100),
+    "ls110": (StandInLs100, Ls110),
+    "cs100a": (StandInCs100a, Cs100a),
+    "pr655": (StandInPr655, Pr655),
+    "pr670": (StandInPr670, Pr670),
+    "pr650": (StandInPr650, Pr650),
+    "colorcal": (StandInColorCal, ColorCal),
+    "spotread": (StandInSpotread, Spotread),
 }
 
 
@@ -367,6 +367,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Iterator[PassingTime]:
     passing = PassingTime()
     monkeypatch.setattr(serial_link, "time", passing)
     monkeypatch.setattr(serial_meter, "time", passing)
+    monkeypatch.setattr(Pr655, "interval", 0.001)
     return passing
 
 
@@ -423,7 +424,7 @@ def test_no_fault_on_the_way_makes_up_a_number(
     name: str, clock: PassingTime, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A reading is one of those that the instrument made for that question, as it sent it."""
-    kind, driver, options = METERS[name]
+    kind, driver = METERS[name]
     rng = np.random.default_rng(sum(name.encode()))
     stand_in, faults, tally = kind(rng), Faults(rng), Tally()
     begun = time.monotonic()
@@ -434,7 +435,7 @@ def test_no_fault_on_the_way_makes_up_a_number(
         monkeypatch.setattr(serial, "serial_for_url", lambda *_, **__: wire)
 
     def open_meter() -> LuminanceMeter:
-        return driver("1" if kind is StandInSpotread else "wire://", clock.monotonic, TIMEOUT, **options)
+        return driver("1" if kind is StandInSpotread else "wire://", clock.monotonic, TIMEOUT)
 
     done = 0
     while done < EXCHANGES:

@@ -48,9 +48,14 @@ class Bench:
     chromaticity: bool = True
 
 
-def opened(driver: type[Any], **options: Any) -> Callable[[str], LuminanceMeter]:
+@pytest.fixture(autouse=True)
+def _fast(monkeypatch) -> None:
+    monkeypatch.setattr(Pr655, "interval", 0.0005)
+
+
+def opened(driver: type[Any]) -> Callable[[str], LuminanceMeter]:
     """How a driver is opened, fast."""
-    return lambda url: driver(url, timeout=TIMEOUT, **options)
+    return lambda url: driver(url, timeout=TIMEOUT)
 
 
 BENCHES = {
@@ -58,8 +63,8 @@ BENCHES = {
     "ls100 short": Bench(opened(Ls100), lambda s: EmulatedLs100(s, width=5), 1, chromaticity=False),
     "ls110": Bench(opened(Ls110), EmulatedLs110, 1, chromaticity=False),
     "cs100a": Bench(opened(Cs100a), EmulatedCs100a, 1),
-    "pr655": Bench(opened(Pr655, interval=0.0005), EmulatedPr655, 6, vital=2, terminal=True),
-    "pr670": Bench(opened(Pr670, interval=0.0), EmulatedPr670, 6, vital=2, terminal=True),
+    "pr655": Bench(opened(Pr655), EmulatedPr655, 6, vital=2, terminal=True),
+    "pr670": Bench(opened(Pr670), EmulatedPr670, 6, vital=2, terminal=True),
     "pr650": Bench(opened(Pr650), EmulatedPr650, 2, terminal=True),
     "colorcal": Bench(opened(ColorCal), EmulatedColorCal, 8, terminal=True),
 }

@@ -102,4 +102,4 @@ def test_the_limits_are_those_of_opening_and_not_of_a_measurement() -> None:
     """Whose time-outs stay as long as the instruments need."""
     for driver in DRIVERS:
         assert issubclass(driver, SerialMeter)
-        assert driver.line.timeout >= 10.0
+        assert driver.longest >= 10.0

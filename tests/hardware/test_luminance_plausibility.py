@@ -99,7 +99,8 @@ def test_a_reading_that_cannot_be_is_an_error_and_the_line_is_found_again() -> N
         assert meter.read_luminance().value == 48.1
 
 
-def test_a_spectroradiometers_impossible_number_is_refused() -> None:
+def test_a_spectroradiometers_impossible_number_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Pr655, "interval", 0.0)
     """Of the right form, and sent twice: 9.999e+11 cd/m^2."""
     answer = b"00000,0,9.999e+11,0.3120,0.3290\r\n"
     script = [
@@ -114,7 +115,7 @@ def test_a_spectroradiometers_impossible_number_is_refused() -> None:
     ]
     with (
         EmulatedLink(ScriptedInstrument(script), pseudo_terminal=True) as link,
-        Pr655(link.url, timeout=30.0, interval=0.0) as meter,
+        Pr655(link.url, timeout=30.0) as meter,
         pytest.raises(InstrumentError, match=r"9\.999e\+11") as refused,
     ):
         meter.read_luminance()

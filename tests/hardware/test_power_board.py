@@ -14,7 +14,7 @@ from scripted_instrument import ScriptedInstrument
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.hardware.drivers import board_protocol as protocol
-from evenlight.hardware.drivers.board_link import PowerBoard
+from evenlight.hardware.drivers.board_link import PowerBoard, board_at
 from evenlight.hardware.drivers.power_board import SILENCE, BoardBacklight, BoardPowerMeter
 from evenlight.hardware.power_average import average_power, averaged
 from evenlight.hardware.protocols import Fault, InstrumentError
@@ -117,8 +117,8 @@ def test_what_the_line_loses_doubles_and_disturbs_is_counted_and_nothing_guessed
 
 
 def test_pings_and_the_backlight_work_while_it_samples() -> None:
-    with Bench(PowerMeterPhysics(noise=0.0, clock_drift=0.0)) as bench, PowerBoard(bench.url) as board:
-        meter, backlight = BoardPowerMeter(board, bench.clock.now), BoardBacklight(board)
+    with Bench(PowerMeterPhysics(noise=0.0, clock_drift=0.0)) as bench:
+        meter, backlight = bench.meter(), BoardBacklight(bench.url)
         meter.start(100.0)
         samples = []
         for factor in (0.5, 0.25):
@@ -133,7 +133,6 @@ def test_pings_and_the_backlight_work_while_it_samples() -> None:
         assert powers[99] == pytest.approx(BASE + SLOPE * 2048 / 4095, abs=1e-6)
         assert powers[199] == pytest.approx(BASE + SLOPE * 1024 / 4095, abs=1e-6)
         backlight.close()
-        meter.close()
 
 
 def test_a_ping_takes_less_than_a_fifth_of_a_frame() -> None:
@@ -279,8 +278,9 @@ def test_a_board_without_pwm_is_no_backlight() -> None:
 
 def test_a_shared_board_is_closed_with_the_last_of_its_devices() -> None:
     with Bench() as bench:
-        board = PowerBoard(bench.url)
-        meter, backlight = BoardPowerMeter(board), BoardBacklight(board)
+        meter, backlight = BoardPowerMeter(bench.url), BoardBacklight(bench.url)
+        board = board_at(bench.url, time.monotonic)
+        board.release()  # this test's own share
         meter.close()
         assert board.is_open()
         assert backlight.set_factor(1.0) == 1.0
