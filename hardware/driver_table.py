@@ -31,18 +31,8 @@ LUMINANCE_METERS = {
     "ls100": Driver("drivers.konica_minolta:Ls100", "Konica Minolta LS-100", "ls100:PORT", REMOTE_7E2),
     "ls110": Driver("drivers.konica_minolta:Ls110", "Konica Minolta LS-110", "ls110:PORT", REMOTE_7E2),
     "cs100a": Driver("drivers.konica_minolta:Cs100a", "Konica Minolta CS-100A", "cs100a:PORT", REMOTE_7E2),
-    "pr655": Driver(
-        "drivers.photo_research:Pr655",
-        "Photo Research PR-655",
-        "pr655:PORT",
-        PHOTO_RESEARCH,
-    ),
-    "pr670": Driver(
-        "drivers.photo_research:Pr670",
-        "Photo Research PR-670",
-        "pr670:PORT",
-        PHOTO_RESEARCH,
-    ),
+    "pr655": Driver("drivers.photo_research:Pr655", "Photo Research PR-655", "pr655:PORT", PHOTO_RESEARCH),
+    "pr670": Driver("drivers.photo_research:Pr670", "Photo Research PR-670", "pr670:PORT", PHOTO_RESEARCH),
     "pr650": Driver(
         "drivers.photo_research:Pr650",
         "Photo Research PR-650",

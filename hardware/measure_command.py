@@ -5,11 +5,10 @@ from __future__ import annotations
 import importlib.util
 import shutil
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Protocol
+from typing import Annotated, Any
 
 import typer
 
@@ -55,7 +54,7 @@ def list_instruments(
     quiet: Annotated[bool, typer.Option("--quiet", help="Print only the names of the drivers.")] = False,
 ) -> None:
     """List the drivers, what is plugged in, and what is not installed. Nothing is opened."""
-    for line in driver_names() if quiet else list_lines(connected_devices()):
+    for line in driver_names() if quiet else list_lines(connected_ports()):
         typer.echo(line)
 
 
@@ -200,40 +199,21 @@ def _show(quiet: bool) -> Callable[[str], None]:
     return (lambda _: None) if quiet else typer.echo
 
 
-class SerialPort(Protocol):
-    """A serial port, as pyserial lists it."""
-
-    device: str
-    description: str
-    vid: int | None
-    pid: int | None
-    serial_number: str | None
-
-
-@dataclass(frozen=True, slots=True)
-class ConnectedDevices:
-    """What a computer has."""
-
-    ports: tuple[SerialPort, ...]
-    system: Path = SYSTEM  # where Linux shows devices
-
-
-def connected_devices() -> ConnectedDevices:
-    """Return what this computer has; nothing is opened."""
+def connected_ports() -> list[Any]:
+    """Return the serial ports of this computer, as pyserial lists them; nothing is opened."""
     from serial.tools.list_ports import comports
 
-    return ConnectedDevices(tuple(sorted(comports(), key=lambda port: str(port.device))))
+    return sorted(comports(), key=lambda port: str(port.device))
 
 
-def list_lines(present: ConnectedDevices) -> list[str]:
-    """Return all that is to be shown, line by line."""
-    system = present.system
+def list_lines(ports: Sequence[Any], system: Path = SYSTEM) -> list[str]:
+    """Return all that is to be shown, line by line: of ports of pyserial, and where Linux shows devices."""
     return [
         *_drivers("Luminance meters", known_drivers(InstrumentKind.LUMINANCE)),
         *_drivers("Power meters", known_drivers(InstrumentKind.POWER)),
         *_drivers("Backlights", known_drivers(InstrumentKind.BACKLIGHT)),
         *_drivers("Trigger outputs", TRIGGERS),
-        *_found("Serial ports here", [_port_line(port) for port in present.ports]),
+        *_found("Serial ports here", [_port_line(port) for port in ports]),
         *_found("Backlights here", [_backlight_line(path) for path in _folders(system / "class/backlight")]),
         *_found("I2C buses here, for ddc", [_bus_line(path) for path in _folders(system / "class/i2c-dev")]),
         *_found("Power sensors here, for hwmon", list(_sensor_lines(system))),
@@ -283,7 +263,7 @@ def _found(title: str, lines: list[str], nothing: str = "none") -> Iterable[str]
     yield ""
 
 
-def _port_line(port: SerialPort) -> str:
+def _port_line(port: Any) -> str:
     words = [port.device]
     if port.vid is not None and port.pid is not None:
         words.append(f"USB {port.vid:04X}:{port.pid:04X}")

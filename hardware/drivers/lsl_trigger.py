@@ -25,7 +25,7 @@ class LslTrigger(ContextDevice):
             import pylsl
         except (ImportError, RuntimeError, OSError) as error:  # the last two: without the library liblsl
             words = f"pylsl cannot be used ({error}); install it with: pip install '.[lsl]' in the checkout"
-            raise self._error(f"{words}", Fault.NOT_FOUND) from None
+            raise self._error(words, Fault.NOT_FOUND) from None
         rate, text = pylsl.IRREGULAR_RATE, pylsl.cf_string
         info = pylsl.StreamInfo(name, "Markers", 1, rate, text, source_id=f"evenlight-{name}")
         self._outlet = pylsl.StreamOutlet(info)

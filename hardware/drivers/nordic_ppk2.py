@@ -190,7 +190,7 @@ class Ppk2PowerMeter(SamplingMeter, Instrument):
                 fault = Fault.WRONG_INSTRUMENT
                 words = f"answers {heard[:60]!r}, and is no PPK2; which instrument is at this port?"
             if fault is Fault.WRONG_INSTRUMENT or time.monotonic() >= end:
-                raise self._error(f"{words}", fault)
+                raise self._error(words, fault)
 
     def _read(self) -> bytes:
         parts = []

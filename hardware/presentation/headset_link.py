@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # rig.py imports this, and shows its help without moderngl
     import numpy as np
     from numpy.typing import NDArray
 
-    from evenlight.data_schema.recordings.rig import Eye
+    from evenlight.hardware.presentation.mirror_window import MirrorWindow
 
 # Of OpenGL: pictures keep the codes that are written to them while the conversion is off.
 SRGB8_ALPHA8, FRAMEBUFFER_SRGB = 0x8C43, 0x8DB9
@@ -80,27 +80,11 @@ class HeadsetFacts:
     eye_distance: float  # between the eyes' positions [m]
 
 
-class Mirror(Protocol):
-    """The operator's window: a picture of one eye, a strip of text under it, and the keyboard."""
-
-    def show(self, framebuffer: moderngl.Framebuffer, eye: Eye) -> None:
-        """Show one eye's half of what was drawn; at most some times a second, without waiting."""
-
-    def say(self, coverage: NDArray[np.uint8] | None) -> None:
-        """Show a text in the strip: how much of each pixel it covers, (height, width), row 0 on top."""
-
-    def pressed(self) -> list[KeyPress]:
-        """Return the keys pressed since the last call, named as a rig names them, in order."""
-
-    def held(self) -> frozenset[str]:
-        """Return the names of the keys that are down now."""
-
-
 class HeadsetLink(ContextManaged, Protocol):
     """A headset that is open: between `begin_frame` and `end_frame` both eyes are drawn side by side."""
 
     @property
-    def mirror(self) -> Mirror | None:
+    def mirror(self) -> MirrorWindow | None:
         """The operator's window, if there is one."""
 
     def facts(self) -> HeadsetFacts:

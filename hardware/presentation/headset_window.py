@@ -12,7 +12,6 @@ from evenlight.hardware.presentation.headset_link import (
     HeadsetFacts,
     HeadsetFrame,
     HeadsetLink,
-    Mirror,
     Pose,
     centre_pixels_per_degree,
 )
@@ -23,6 +22,8 @@ if TYPE_CHECKING:
     import moderngl
     import numpy as np
     from numpy.typing import NDArray
+
+    from evenlight.hardware.presentation.mirror_window import MirrorWindow
 
 PANEL_SIZE = (1280, 960)  # [pixels] of pages, which stand before the head
 BITS = 8
@@ -149,7 +150,7 @@ class HeadsetWindow(ContextDevice):
         return self._link.facts()
 
     @property
-    def mirror(self) -> Mirror | None:
+    def mirror(self) -> MirrorWindow | None:
         """The operator's window, if there is one."""
         return self._link.mirror
 

@@ -38,47 +38,21 @@ class MeterPhysics:
     dim_luminance: float = 1.0  # where it takes half of the way from one to the other [cd/m^2]
 
 
-LS100_PHYSICS = MeterPhysics(lowest=0.001, resolution=0.001, floor_noise=0.001)
-LS110_PHYSICS = MeterPhysics(lowest=0.01, highest=999_900.0)
-CS100A_PHYSICS = MeterPhysics(lowest=0.01, highest=299_000.0)
-PR655_PHYSICS = MeterPhysics(
-    lowest=0.3, highest=20_000.0, resolution=0.0, reading_time=1.0, dark_reading_time=20.0
-)
-PR670_PHYSICS = MeterPhysics(
-    lowest=0.03, highest=20_000.0, resolution=0.0, reading_time=1.0, dark_reading_time=40.0
-)
-PR650_PHYSICS = MeterPhysics(
-    lowest=0.3, highest=100_000.0, resolution=0.0, reading_time=2.0, dark_reading_time=20.0
-)
-COLORCAL_PHYSICS = MeterPhysics(lowest=0.01, highest=1_000.0, floor_noise=0.005, significant_digits=6)
-SPOTREAD_PHYSICS = MeterPhysics(
-    lowest=0.02, highest=1_000.0, resolution=1e-6, significant_digits=9, reading_time=1.0
-)
-
-
-@dataclass(frozen=True, slots=True)
-class MeterResponse:
-    """What a meter makes of some light."""
-
-    luminance: float  # as it shows it; of no meaning where there is a fault [cd/m^2]
-    fault: Fault | None = None  # OVER_RANGE or UNDER_RANGE where it has no value
-
-
-def sensed(luminance: float, physics: MeterPhysics, rng: np.random.Generator) -> MeterResponse:
-    """Return what a meter makes of a luminance [cd/m^2].
+def sensed(luminance: float, physics: MeterPhysics, rng: np.random.Generator) -> tuple[float, Fault | None]:
+    """Return what a meter shows of a luminance [cd/m^2], and OVER_RANGE or UNDER_RANGE where it has no value.
 
     >>> import numpy as np
     >>> silent = MeterPhysics(proportional_noise=0.0, floor_noise=0.0)
-    >>> sensed(123.456, silent, np.random.default_rng(0)).luminance
-    123.5
+    >>> sensed(123.456, silent, np.random.default_rng(0))
+    (123.5, None)
     """
     sd = math.hypot(physics.proportional_noise * luminance, physics.floor_noise)
     seen = luminance * (1 + physics.calibration_error) + sd * float(rng.standard_normal())
     if seen < physics.lowest:
-        return MeterResponse(seen, Fault.UNDER_RANGE)
+        return seen, Fault.UNDER_RANGE
     if seen > physics.highest:
-        return MeterResponse(seen, Fault.OVER_RANGE)
-    return MeterResponse(in_digits(seen, physics))
+        return seen, Fault.OVER_RANGE
+    return in_digits(seen, physics), None
 
 
 def in_digits(luminance: float, physics: MeterPhysics) -> float:
@@ -135,11 +109,11 @@ class SimulatedLuminanceMeter(ContextDevice):
         simulation.wait(reading_time(simulation.panel.luminance(), physics))
         ended = simulation.clock()
         luminance = simulation.panel.luminance((begun + ended) / 2)
-        seen = sensed(luminance, physics, simulation.rng)
-        if seen.fault is not None:
-            words = WORDS[seen.fault].format(lowest=physics.lowest, highest=physics.highest)
-            raise self._error(f"{words}", seen.fault)
-        return Reading(seen.luminance, "cd/m^2", begun, ended, "simulated")
+        shown, fault = sensed(luminance, physics, simulation.rng)
+        if fault is not None:
+            words = WORDS[fault].format(lowest=physics.lowest, highest=physics.highest)
+            raise self._error(words, fault)
+        return Reading(shown, "cd/m^2", begun, ended, "simulated")
 
     def apparatus(self) -> dict[str, str]:
         """Return what is true of it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import dataclass
 from functools import partial
@@ -34,7 +34,9 @@ LATE = 0.5  # and that of a late one
 SHARES = (1.0, 0.3, 0.8, 0.4)  # what the panel shows, so that an old reading is told from a new one
 RATE = 20.0  # [Hz]
 LONGEST_LAG = 4.0  # [s] after which samples are those of the power now
-PULLED = (Fault.DISCONNECTED, Fault.BUSY, Fault.WRONG_INSTRUMENT, *TRANSIENT)
+PASSING = (*TRANSIENT, Fault.REFUSED)  # the last: of what a garbled setting has made of a backlight
+ALWAYS = 1_000_000  # replies
+DEAD = (Fault.DISCONNECTED, Fault.BUSY, Fault.WRONG_INSTRUMENT, *TRANSIENT)
 ABSENT = (Fault.NOT_FOUND, Fault.NO_REPLY, Fault.DISCONNECTED)
 LUMINANCE, POWER, BACKLIGHT = InstrumentKind
 Breakable = Callable[[], AbstractContextManager[tuple[Any, Callable[[], object]]]]
@@ -118,11 +120,13 @@ def absent_is_named(subject: FaultySubject) -> None:
     promised(len(str(error)) > 20, f"says no more than {str(error)!r}")
 
 
-def pulled_cable_is_told(subject: FaultySubject) -> None:
-    """Require an error where the cable is pulled while it is opened, or used."""
-    for first in (1, 3):
-        plan = FaultPlan(LinkFault.DISCONNECT, first)
-        refusal(partial(_use_on_and_on, subject, plan), f"the cable was pulled at reply {first}", *PULLED)
+def dead_line_is_told(subject: FaultySubject) -> None:
+    """Require an error where a line is dead from a reply on: while the device is opened, or used."""
+    for fault in (LinkFault.DISCONNECT, LinkFault.NO_REPLY, LinkFault.GARBAGE, LinkFault.PARTIAL_LINE):
+        for first in (1, 3):
+            plan = FaultPlan(fault, first, count=ALWAYS)
+            what = f"the line is dead ({fault.value}) from reply {first} on"
+            refusal(partial(_use_on_and_on, subject, plan), what, *DEAD)
 
 
 def _use_on_and_on(subject: FaultySubject, plan: FaultPlan) -> None:
@@ -137,7 +141,7 @@ def _use_on_and_on(subject: FaultySubject, plan: FaultPlan) -> None:
 
 
 def nothing_is_made_up(fault: LinkFault | ExtraReply) -> Callable[[FaultySubject], None]:
-    """Return the check that a reply that goes wrong makes an error or a true value, and the next ones too."""
+    """Return the check that a reply gone wrong makes an error or a true value, and the next a true one."""
 
     def check(subject: FaultySubject) -> None:
         with subject.bench() as bench, bench.device:
@@ -146,9 +150,22 @@ def nothing_is_made_up(fault: LinkFault | ExtraReply) -> Callable[[FaultySubject
             plan = FaultPlan(fault, first, delay=LATE)
             with _session(subject, plan) as session:
                 if session is not None:
-                    _watch[subject.kind](session, f"reply {first} {WORDS[fault]}")
+                    _watch_until_it_measures(session, f"reply {first} {WORDS[fault]}")
 
     return check
+
+
+def _watch_until_it_measures(bench: LinkedBench, what: str) -> None:
+    """Refuse what is not true, until all of some shares, which begin with another each time, came true."""
+    end, shares = time.monotonic() + LONGEST_LAG, SHARES
+    while True:
+        try:
+            return _watch[bench.subject.kind](bench, shares, what)
+        except InstrumentError as error:
+            require_told(error)
+            promised(error.fault in PASSING, f"{what}: the fault is {error.fault.value}: {error}")
+            promised(time.monotonic() < end, f"{what}, and it never measures again: {error}")
+            shares = (*shares[1:], shares[0])
 
 
 @contextmanager
@@ -168,47 +185,34 @@ def _session(subject: FaultySubject, plan: FaultPlan) -> Iterator[LinkedBench | 
                 bench.device.close()
 
 
-def _watch_luminance(bench: LinkedBench, what: str) -> None:
+def _watch_luminance(bench: LinkedBench, shares: Sequence[float], what: str) -> None:
     """Refuse a reading of another luminance than that shown."""
-    for share in SHARES:
-        true = bench.show(share)
-        try:
-            value = bench.checked.read_luminance().value
-        except InstrumentError as error:
-            require_told(error)
-            continue
+    for share in shares:
+        true, value = bench.show(share), bench.checked.read_luminance().value
         promised(abs(value - true) <= TOLERANCE * true, f"{what}: gave {value:.5g} for {true:.5g} cd/m^2")
 
 
-def _watch_power(bench: LinkedBench, what: str) -> None:
+def _watch_power(bench: LinkedBench, shares: Sequence[float], what: str) -> None:
     """Refuse a power that the panel never had, and at the end one that it has no more."""
-    true = [bench.show(share) for share in SHARES[:2]]
+    true = [bench.show(share) for share in shares[:2]]
     low, high = min(true) * (1 - TOLERANCE), max(true) * (1 + TOLERANCE)
-    try:
-        bench.checked.start(RATE)
-        for share in SHARES[:2]:
-            last, end = bench.show(share), time.monotonic() + LONGEST_LAG
-            seen = 0.0
-            while abs(seen - last) > TOLERANCE * last:
-                promised(time.monotonic() < end, f"{what}: gives {seen:.5g} W on and on for {last:.5g} W")
-                time.sleep(SETTLED)
-                for sample in bench.checked.samples():
-                    seen = sample.power
-                    promised(low <= seen <= high, f"{what}: gave {seen:.5g} W, which never was")
-    except InstrumentError as error:
-        require_told(error)
+    bench.checked.start(RATE)
+    for share in shares[:2]:
+        last, end = bench.show(share), time.monotonic() + LONGEST_LAG
+        seen = 0.0
+        while abs(seen - last) > TOLERANCE * last:
+            promised(time.monotonic() < end, f"{what}: gives {seen:.5g} W on and on for {last:.5g} W")
+            time.sleep(SETTLED)
+            for sample in bench.checked.samples():
+                seen = sample.power
+                promised(low <= seen <= high, f"{what}: gave {seen:.5g} W, which never was")
 
 
-def _watch_backlight(bench: LinkedBench, what: str) -> None:
+def _watch_backlight(bench: LinkedBench, shares: Sequence[float], what: str) -> None:
     """Refuse a setting that the panel does not have."""
     assert bench.panel is not None
-    for share in SHARES:
-        try:
-            achieved = bench.checked.set_factor(share)
-            reported = bench.checked.read_factor()
-        except InstrumentError as error:
-            require_told(error)
-            continue
+    for share in shares:
+        achieved, reported = bench.checked.set_factor(share), bench.checked.read_factor()
         time.sleep(SETTLED)
         light = bench.panel.luminance() / 200.0
         promised(abs(light - achieved) <= 0.01, f"{what}: said {achieved:.4g}, and shines with {light:.4g}")
@@ -216,7 +220,7 @@ def _watch_backlight(bench: LinkedBench, what: str) -> None:
         promised(same, f"{what}: set {achieved:g}, reports {reported:g}")
 
 
-_watch: dict[InstrumentKind, Callable[[LinkedBench, str], None]] = {
+_watch: dict[InstrumentKind, Callable[[LinkedBench, Sequence[float], str], None]] = {
     LUMINANCE: _watch_luminance,
     POWER: _watch_power,
     BACKLIGHT: _watch_backlight,

@@ -15,7 +15,6 @@ from typing import Any
 import line_faults as faults
 import pytest
 from emulators import ddc_monitor
-from emulators.link import ExtraReply
 from emulators.ours import OURS, attach
 from line_faults import Breakable, FaultySubject, require_told_not_restored, warm_white_panel
 
@@ -126,21 +125,13 @@ def test_every_driver_keeps_its_promises(promise: Callable[[Any], None]) -> None
 @pytest.mark.real_time
 def test_every_driver_tells_of_what_is_not_there_or_goes_away() -> None:
     keep([(faults.absent_is_named, one) for one in faulty(line=False)], 1)  # no port comes back as another's
-    keep([(faults.pulled_cable_is_told, one) for one in faulty()])
+    keep([(faults.dead_line_is_told, one) for one in faulty()])
     keep([(faults.not_restored_is_told, one) for one in faulty(BACKLIGHT)], 1)  # each has 0.3 s to answer
 
 
 @pytest.mark.real_time  # each emulated device answers within the tenths of a second that its driver waits
 def test_no_driver_makes_up_a_reading_where_a_reply_goes_wrong() -> None:
-    """The faults that test_luminance_meter_links.py and test_power_links.py have not; of `exec`, all."""
-    keep(
-        [
-            (faults.nothing_is_made_up(fault), one)
-            for fault in faults.WORDS
-            for one in faulty()
-            if isinstance(fault, ExtraReply) or one.named.name == "exec"
-        ]
-    )
+    keep([(faults.nothing_is_made_up(fault), one) for fault in faults.WORDS for one in faulty()])
 
 
 def test_every_driver_is_imported_on_a_computer_without_device_libraries() -> None:

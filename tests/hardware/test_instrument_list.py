@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from evenlight.hardware.measure_command import ConnectedDevices, known_instruments, list_lines, missing_lines
+from evenlight.hardware.measure_command import known_instruments, list_lines, missing_lines
 
 
 @dataclass
@@ -22,7 +22,7 @@ class Port:
 
 
 def shown(folder: Path, *ports: Port) -> list[str]:
-    return list_lines(ConnectedDevices(ports, folder))
+    return list_lines(ports, folder)
 
 
 def section(lines: list[str], title: str) -> list[str]:

@@ -1,4 +1,7 @@
-"""Every power meter with a link, over real links on the loopback: what goes wrong, and what then holds."""
+"""Every power meter with a link, over real links on the loopback: breaks, and other users of a port.
+
+Replies that go wrong, of these meters too: tests/conventions/test_drivers.py.
+"""
 
 from __future__ import annotations
 
@@ -7,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -21,17 +25,15 @@ from evenlight.hardware.drivers.board_link import PowerBoard
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.drivers.power_board import BoardPowerMeter
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter, VisaPowerMeter
-from evenlight.hardware.power_average import PowerAverage, average_power
-from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
+from evenlight.hardware.power_average import average_power
+from evenlight.hardware.protocols import Fault, InstrumentError, PowerMeter
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 pytestmark = pytest.mark.slow
 
-FULL, DIMMED = 0.6661, 0.2945 + 0.001858 * 200 * 0.25  # [W] of the panel at b = 1 and 0.25
 PATIENT = 30.0  # [s] where nothing is to be waited for
 TIMEOUT = 0.35  # [s] where it is waited for
-ALWAYS = 1_000_000
 RATE = 200.0  # [Hz]
 
 
@@ -95,11 +97,6 @@ def open_files() -> set[str]:
     return {name for name in found if "tty" in name or "pts" in name or "ptmx" in name or "socket" in name}
 
 
-def averaged(device: PowerMeter, simulation: Simulation) -> PowerAverage:
-    """Return the average over half a second of the simulation."""
-    return average_power(device, 0.5, RATE, simulation.clock, simulation.wait)
-
-
 def opened(
     meter: Meter, simulation: Simulation, plan: FaultPlan | None, stack: contextlib.ExitStack
 ) -> PowerMeter:
@@ -108,26 +105,6 @@ def opened(
     link = stack.enter_context(EmulatedLink(emulator, plan, pseudo_terminal=meter.pseudo_terminal))
     timeout = TIMEOUT if plan else PATIENT
     return stack.enter_context(meter.driver(meter.address(link.url), simulation.clock, timeout))
-
-
-def measured(meter: Meter, simulation: Simulation, plan: FaultPlan | None) -> PowerAverage:
-    """Return the average power that a meter finds over a link that goes wrong by a plan."""
-    with contextlib.ExitStack() as stack:
-        return averaged(opened(meter, simulation, plan, stack), simulation)
-
-
-def dim(simulation: Simulation) -> None:
-    """Dim the panel, and let it settle."""
-    simulation.panel.set_backlight(0.25)
-    simulation.wait(1.0)
-
-
-def averaged_at_last(device: PowerMeter, simulation: Simulation) -> PowerAverage:
-    """Return the average of the first try that succeeds, of six, as a sweep makes them."""
-    for _ in range(5):
-        with contextlib.suppress(InstrumentError):
-            return averaged(device, simulation)
-    return averaged(device, simulation)
 
 
 def name_of(meter: Meter) -> str:
@@ -144,69 +121,19 @@ def fault_of(measure: Callable[[], object]) -> Fault | None:
     return None
 
 
-@every_meter
-def test_a_meter_finds_the_power_of_the_panel(meter, simulation) -> None:
-    # 100 samples of 2 mW noise: 0.2 mW for their mean, five times that is allowed
-    assert measured(meter, simulation, None).power == pytest.approx(FULL, abs=0.001)
-
-
-@every_meter
-@pytest.mark.parametrize("fault", [LinkFault.NO_REPLY, LinkFault.GARBAGE, LinkFault.PARTIAL_LINE])
-def test_a_line_that_is_bad_from_the_first_reply_on_is_told(meter, simulation, fault) -> None:
-    with pytest.raises(InstrumentError) as told:
-        measured(meter, simulation, FaultPlan(fault, count=ALWAYS))
-    assert told.value.fault in TRANSIENT
-    assert " at " in str(told.value)  # which device, at which port
-
-
-@every_meter
-@pytest.mark.parametrize("fault", [LinkFault.NO_REPLY, LinkFault.GARBAGE, LinkFault.PARTIAL_LINE])
-def test_a_line_that_goes_bad_while_it_is_measured_is_told(meter, simulation, fault) -> None:
-    with pytest.raises(InstrumentError) as told:
-        measured(meter, simulation, FaultPlan(fault, first=meter.first_of_sampling, count=ALWAYS))
-    assert told.value.fault in TRANSIENT
-
-
-@every_meter
-def test_a_disconnection_at_the_first_question_is_told(meter, simulation) -> None:
-    # PyVISA-py takes a socket that was closed for a silent one; half of a reply came before.
-    expected = Fault.GARBLED if name_of(meter) in PYVISA else Fault.DISCONNECTED
-    assert fault_of(lambda: measured(meter, simulation, FaultPlan(LinkFault.DISCONNECT, first=1))) is expected
-
-
 @pytest.mark.real_time  # how much of a sample has come when the link breaks is the clock's
 @every_meter
 def test_a_disconnection_while_it_is_measured_is_told_and_ends_the_link(meter, simulation) -> None:
     with contextlib.ExitStack() as stack:
         plan = FaultPlan(LinkFault.DISCONNECT, first=meter.first_of_sampling)
         device = opened(meter, simulation, plan, stack)
-        faults = [fault_of(lambda: averaged(device, simulation)) for _ in range(3)]
+        average = partial(average_power, device, 0.5, RATE, simulation.clock, simulation.wait)
+        faults = [fault_of(average) for _ in range(3)]
     # PyVISA-py takes a closed socket for a silent one, and notices it at the second or the third try.
     silent = {Fault.NO_REPLY, Fault.GARBLED} if name_of(meter) in PYVISA else {Fault.DISCONNECTED}
     assert faults[0] in silent
     assert faults[1] in {*silent, Fault.DISCONNECTED}
     assert faults[2] is Fault.DISCONNECTED
-
-
-@every_meter
-@pytest.mark.parametrize("fault", [LinkFault.NO_REPLY, LinkFault.GARBAGE, LinkFault.PARTIAL_LINE])
-def test_after_a_passing_fault_the_same_link_measures_again(meter, simulation, fault) -> None:
-    with contextlib.ExitStack() as stack:
-        plan = FaultPlan(fault, first=meter.first_of_sampling + 1)
-        device = opened(meter, simulation, plan, stack)
-        assert fault_of(lambda: averaged(device, simulation)) in (*TRANSIENT, None)
-        dim(simulation)
-        assert averaged_at_last(device, simulation).power == pytest.approx(DIMMED, abs=0.001)
-
-
-@every_meter
-def test_a_late_reply_is_never_taken_for_a_later_one(meter, simulation) -> None:
-    with contextlib.ExitStack() as stack:
-        plan = FaultPlan(LinkFault.LATE_REPLY, first=meter.first_of_sampling, delay=2 * TIMEOUT)
-        device = opened(meter, simulation, plan, stack)
-        assert fault_of(lambda: averaged(device, simulation)) in TRANSIENT
-        dim(simulation)  # what is late tells of the panel undimmed, and is not there yet
-        assert averaged_at_last(device, simulation).power == pytest.approx(DIMMED, abs=0.001)
 
 
 @every_meter
@@ -247,41 +174,6 @@ def test_another_instrument_is_recognised(meter, simulation) -> None:
     ):
         meter.driver(meter.address(link.url), simulation.clock, TIMEOUT)
     assert told.value.fault is Fault.WRONG_INSTRUMENT
-
-
-@every_meter
-def test_a_port_that_is_not_there_is_told(meter, simulation) -> None:
-    nowhere = (
-        "/dev/tty-not-there" if meter.pseudo_terminal else "socket://127.0.0.1:9"
-    )  # nobody discards here
-    with pytest.raises(InstrumentError) as told:
-        meter.driver(meter.address(nowhere), simulation.clock, PATIENT)
-    assert told.value.fault in (Fault.NOT_FOUND, Fault.DISCONNECTED)
-
-
-@every_meter
-def test_what_is_closed_or_not_started_says_so(meter, simulation) -> None:
-    with EmulatedLink(meter.emulator(simulation), pseudo_terminal=meter.pseudo_terminal) as link:
-        device = meter.driver(meter.address(link.url), simulation.clock, PATIENT)
-        with pytest.raises(InstrumentError, match="start it first"):
-            device.samples()
-        assert list(device.stop()) == []
-        device.start(RATE)
-        device.close()
-        device.close()
-        for use in (device.samples, device.ping, lambda: device.start(RATE)):
-            with pytest.raises(InstrumentError, match="closed") as told:
-                use()
-            assert told.value.fault is Fault.DISCONNECTED
-
-
-@every_meter
-def test_a_rate_that_it_has_not_is_refused(meter, simulation) -> None:
-    with contextlib.ExitStack() as stack:
-        device = opened(meter, simulation, None, stack)
-        for rate in (0.0, -1.0, 1e6, float("nan")):
-            with pytest.raises(InstrumentError, match="Hz, got"):
-                device.start(rate)
 
 
 @every_meter

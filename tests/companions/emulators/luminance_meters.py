@@ -6,20 +6,23 @@ import re
 from abc import abstractmethod
 
 from evenlight.hardware.protocols import Fault
-from evenlight.hardware.simulated.luminance_meter import (
-    COLORCAL_PHYSICS,
-    CS100A_PHYSICS,
-    LS100_PHYSICS,
-    LS110_PHYSICS,
-    PR650_PHYSICS,
-    PR655_PHYSICS,
-    PR670_PHYSICS,
-    MeterPhysics,
-    MeterResponse,
-    sensed,
-)
+from evenlight.hardware.simulated.luminance_meter import MeterPhysics, sensed
 from evenlight.hardware.simulated.panel import Simulation
 
+# Ranges, digits and repeatability of catalogues, from memory.
+LS100_PHYSICS = MeterPhysics(lowest=0.001, resolution=0.001, floor_noise=0.001)
+LS110_PHYSICS = MeterPhysics(lowest=0.01, highest=999_900.0)
+CS100A_PHYSICS = MeterPhysics(lowest=0.01, highest=299_000.0)
+PR655_PHYSICS = MeterPhysics(
+    lowest=0.3, highest=20_000.0, resolution=0.0, reading_time=1.0, dark_reading_time=20.0
+)
+PR670_PHYSICS = MeterPhysics(
+    lowest=0.03, highest=20_000.0, resolution=0.0, reading_time=1.0, dark_reading_time=40.0
+)
+PR650_PHYSICS = MeterPhysics(
+    lowest=0.3, highest=100_000.0, resolution=0.0, reading_time=2.0, dark_reading_time=20.0
+)
+COLORCAL_PHYSICS = MeterPhysics(lowest=0.01, highest=1_000.0, floor_noise=0.005, significant_digits=6)
 WHITE = (0.3127, 0.329)  # chromaticity of D65, which every emulated panel has
 MINOLTA_FIELD = 6  # characters of a luminance, its decimal point included
 MINOLTA_CODES = {Fault.OVER_RANGE: "ER10", Fault.LOW_BATTERY: "ER30"}
@@ -82,10 +85,10 @@ class EmulatedMeter:
         first = min(places)
         return first + (2 if came[first : first + 2] == b"\r\n" else 1)
 
-    def _look(self) -> MeterResponse:
-        """Return what it makes of the panel now."""
-        seen = sensed(self._simulation.panel.luminance(), self._physics, self._simulation.rng)
-        return seen if self.fault is None else MeterResponse(seen.luminance, self.fault)
+    def _look(self) -> tuple[float, Fault | None]:
+        """Return what it makes of the panel now, and what is wrong."""
+        shown, fault = sensed(self._simulation.panel.luminance(), self._physics, self._simulation.rng)
+        return shown, self.fault or fault
 
     @abstractmethod
     def _answer(self, command: str) -> bytes:
@@ -129,12 +132,12 @@ class EmulatedLs100(EmulatedMeter):
 
     def _measured(self) -> str:
         """Return check code and values of a measurement."""
-        seen = self._look()
-        if seen.fault is None:
-            return f"OK00,{self._luminance(seen.luminance)}"
-        if seen.fault is Fault.UNDER_RANGE:
+        shown, fault = self._look()
+        if fault is None:
+            return f"OK00,{self._luminance(shown)}"
+        if fault is Fault.UNDER_RANGE:
             return f"OK13,{self._luminance(0.0)}"
-        return MINOLTA_CODES[seen.fault]
+        return MINOLTA_CODES[fault]
 
     def _luminance(self, luminance: float) -> str:
         """Return a luminance as it is sent."""
@@ -161,17 +164,17 @@ class EmulatedCs100a(EmulatedLs100):
 
     def _measured(self) -> str:
         """Return check code and values of a measurement."""
-        seen = self._look()
+        shown, fault = self._look()
         x, y = (f" {value:.4f}".replace("0.", ".") for value in WHITE)
-        if seen.fault is Fault.OVER_RANGE:
+        if fault is Fault.OVER_RANGE:
             return f"OK12,-999999,{x},{y}"  # the luminance alone is beyond the display
-        if seen.fault is Fault.UNDER_RANGE:
+        if fault is Fault.UNDER_RANGE:
             return f"OK13,{self._luminance(0.0)},{x},{y}"
-        if seen.fault is not None:
-            return MINOLTA_CODES[seen.fault]
+        if fault is not None:
+            return MINOLTA_CODES[fault]
         if self.chromaticity_fails:
-            return f"OK11,{self._luminance(seen.luminance)}, .0000, .0000"
-        return f"OK00,{self._luminance(seen.luminance)},{x},{y}"
+            return f"OK11,{self._luminance(shown)}, .0000, .0000"
+        return f"OK00,{self._luminance(shown)},{x},{y}"
 
 
 def _minolta_field(luminance: float) -> str:
@@ -218,12 +221,8 @@ class EmulatedPr655(EmulatedMeter):
     def _words(self, command: str) -> str:
         """Return the answer to a command in remote mode, without its end."""
         if command == "M1":
-            seen, (x, y) = self._look(), WHITE
-            self._last = (
-                f"0000,111,{seen.luminance:.3e},{x:.4f},{y:.4f}"
-                if seen.fault is None
-                else PR655_CODES[seen.fault]
-            )
+            (shown, fault), (x, y) = self._look(), WHITE
+            self._last = f"0000,111,{shown:.3e},{x:.4f},{y:.4f}" if fault is None else PR655_CODES[fault]
         if command in ("M1", "D1"):
             return self._last
         facts = {"D110": self.serial_number, "D111": self.model, "D114": "2.02"}
@@ -247,9 +246,9 @@ class EmulatedPr650(EmulatedMeter):
     def _answer(self, command: str) -> bytes:
         """Return the answer to a command."""
         if command == "m0":
-            seen = self._look()
-            quality = 0 if seen.fault is None else PR650_QUALITIES[seen.fault]
-            self._last = (quality, *tristimulus(seen.luminance))
+            shown, fault = self._look()
+            quality = 0 if fault is None else PR650_QUALITIES[fault]
+            self._last = (quality, *tristimulus(shown))
             return f"{quality:03d}\r\n".encode()
         if command == "d2":
             quality, *values = self._last
@@ -281,11 +280,11 @@ class EmulatedColorCal(EmulatedMeter):
 
     def _measured(self) -> str:
         """Return the values before they are corrected, which the computer does."""
-        seen = self._look()
-        if seen.fault is Fault.UNDER_RANGE:
+        shown, fault = self._look()
+        if fault is Fault.UNDER_RANGE:
             return "OK00,  0.00,  0.00,  0.00"
-        values = _uncorrected(seen.luminance)
-        if seen.fault is not None or max(values) >= COLORCAL_TOO_LONG:
+        values = _uncorrected(shown)
+        if fault is not None or max(values) >= COLORCAL_TOO_LONG:
             return COLORCAL_TOO_BRIGHT
         return "OK00," + ",".join(f"{value:6.2f}" for value in values)
 

@@ -13,7 +13,7 @@ from emulators.link import EmulatedLink, FaultPlan
 from emulators.luminance_meters import WHITE, EmulatedMeter, tristimulus
 
 from evenlight.hardware.protocols import Fault
-from evenlight.hardware.simulated.luminance_meter import SPOTREAD_PHYSICS, MeterPhysics
+from evenlight.hardware.simulated.luminance_meter import MeterPhysics
 from evenlight.hardware.simulated.panel import Simulation
 
 PROGRAM = Path(__file__).with_name("spotread_program.py")
@@ -43,7 +43,9 @@ WRONG = "Unknown, inappropriate or no instrument detected"
 class SpotreadDialogue(EmulatedMeter):
     """What the program prints for its options: usage and list, or one reading; as `EmulatedMeter`."""
 
-    own_physics = SPOTREAD_PHYSICS
+    own_physics = MeterPhysics(
+        lowest=0.02, highest=1_000.0, resolution=1e-6, significant_digits=9, reading_time=1.0
+    )
 
     def _answer(self, command: str) -> bytes:
         """Return what is printed for a line of options."""
@@ -58,10 +60,10 @@ class SpotreadDialogue(EmulatedMeter):
         """Return the line of a reading, or of why there is none."""
         if options != ["-c", NUMBER]:
             return WRONG
-        seen = self._look()
-        if seen.fault is not None:
-            return WORDS[seen.fault]
-        X, Y, Z = tristimulus(seen.luminance)
+        shown, fault = self._look()
+        if fault is not None:
+            return WORDS[fault]
+        X, Y, Z = tristimulus(shown)
         x, y = WHITE
         return f"Result is XYZ: {X:f} {Y:f} {Z:f}, Yxy: {Y:f} {x:f} {y:f}"
 
