@@ -112,31 +112,34 @@ class Polled(SimulatedPowerMeter):
         return self.came[-1]
 
 
-class Milliwatts(Polled):
-    def power(self) -> float:
-        return self.came[-1] * 1000
+def made(base: type[Any], name: str, **methods: Any) -> type[Any]:
+    """Return a device that does something else."""
+    return type(name, (base,), methods)
 
 
-class SixPercentHigh(Polled):
-    def power(self) -> float:
-        return self.came[-1] * 1.02 + 0.03
-
-
-class EverySecondStale(Polled):
-    def power(self) -> float:
-        return self.came[-1 - (len(self.came) % 2 == 0)]
-
-
-class MeanOfASecond(Polled):
-    def power(self) -> float:
-        return float(np.mean(self.came[-round(self.asked) :]))
-
-
-class Late(Polled):
-    """0.4 s."""
-
-    def power(self) -> float:
-        return self.came[max(len(self.came) - 1 - round(0.4 * self.asked), 0)]
+Milliwatts = made(Polled, "Milliwatts", power=lambda self: self.came[-1] * 1000)
+SixPercentHigh = made(Polled, "SixPercentHigh", power=lambda self: self.came[-1] * 1.02 + 0.03)
+EverySecondStale = made(
+    Polled, "EverySecondStale", power=lambda self: self.came[-1 - (len(self.came) % 2 == 0)]
+)
+MeanOfASecond = made(
+    Polled, "MeanOfASecond", power=lambda self: float(np.mean(self.came[-round(self.asked) :]))
+)
+Late = made(  # by 0.4 s
+    Polled, "Late", power=lambda self: self.came[max(len(self.came) - 1 - round(0.4 * self.asked), 0)]
+)
+AnHourOff = made(
+    Polled, "AnHourOff", changed=lambda _, one: [replace(one, device_time=one.device_time + 3600)]
+)
+Never = made(Polled, "Never", changed=lambda *_: [])
+GoesBack = made(
+    Polled, "GoesBack", changed=lambda _, one: [one, replace(one, sequence=max(one.sequence - 1, 0))]
+)
+LosesEveryTenth = made(  # and counts on without a gap
+    Polled,
+    "LosesEveryTenth",
+    changed=lambda _, one: [replace(one, sequence=k - k // 10)] if (k := one.sequence) % 10 < 9 else [],
+)
 
 
 class HalfTheRate(Polled):
@@ -145,33 +148,10 @@ class HalfTheRate(Polled):
         return rate
 
 
-class LosesEveryTenth(Polled):
-    """And counts on without a gap."""
-
-    def changed(self, sample: PowerSample) -> list[PowerSample]:
-        k = sample.sequence
-        return [] if k % 10 == 9 else [replace(sample, sequence=k - k // 10)]
-
-
-class AnHourOff(Polled):
-    def changed(self, sample: PowerSample) -> list[PowerSample]:
-        return [replace(sample, device_time=sample.device_time + 3600)]
-
-
 class WaitsForASample(Polled):
     def samples(self) -> list[PowerSample]:
         self._simulation.wait(0.6)
         return super().samples()
-
-
-class Never(Polled):
-    def changed(self, sample: PowerSample) -> list[PowerSample]:
-        return []
-
-
-class GoesBack(Polled):
-    def changed(self, sample: PowerSample) -> list[PowerSample]:
-        return [sample, replace(sample, sequence=max(sample.sequence - 1, 0))]
 
 
 class AnyRate(Polled):
@@ -204,24 +184,24 @@ class Seen(SimulatedLuminanceMeter):
         return self.came[-1]
 
 
-class FootLamberts(Seen):
-    def value(self) -> float:
-        return self.came[-1] / 3.426
-
-
-class FourPercentLow(Seen):
-    def value(self) -> float:
-        return self.came[-1] * 0.96
-
-
-class OneBehind(Seen):
-    def value(self) -> float:
-        return self.came[-2:][0]
-
-
-class EveryThirdStale(Seen):
-    def value(self) -> float:
-        return self.came[-2] if len(self.came) % 3 == 0 else self.came[-1]
+FootLamberts = made(Seen, "FootLamberts", value=lambda self: self.came[-1] / 3.426)
+FourPercentLow = made(Seen, "FourPercentLow", value=lambda self: self.came[-1] * 0.96)
+OneBehind = made(Seen, "OneBehind", value=lambda self: self.came[-2:][0])
+EveryThirdStale = made(
+    Seen, "EveryThirdStale", value=lambda self: self.came[-2 if len(self.came) % 3 == 0 else -1]
+)
+# 2 cd/m^2, and its range is not told
+ClippedBelow = made(Seen, "ClippedBelow", value=lambda self: max(self.came[-1], 2.0))
+ClippedAbove = made(Seen, "ClippedAbove", value=lambda self: min(self.came[-1], 99.99))
+AnHourAgo = made(
+    Seen, "AnHourAgo", changed=lambda _, one: replace(one, begun=one.begun - 3600, ended=one.ended - 3600)
+)
+Nits = made(Seen, "Nits", changed=lambda _, one: replace(one, unit="nit"))
+Divides = made(Seen, "Divides", value=lambda _: 1 / 0)
+Exits = made(Seen, "Exits", value=lambda _: sys.exit(0))
+SaysNothing = made(Seen, "SaysNothing", apparatus=lambda _: {})
+ZeroesUnasked = made(Seen, "ZeroesUnasked", zero=lambda _: None)
+WorksClosed = made(Seen, "WorksClosed", _require_open=lambda _: None)
 
 
 class Averaging(Seen):
@@ -232,53 +212,6 @@ class Averaging(Seen):
     def value(self) -> float:
         self.mean = self.came[-1] if self.mean is None else 0.5 * self.mean + 0.5 * self.came[-1]
         return self.mean
-
-
-class ClippedBelow(Seen):
-    """2 cd/m^2, and its range is not told."""
-
-    def value(self) -> float:
-        return max(self.came[-1], 2.0)
-
-
-class ClippedAbove(Seen):
-    def value(self) -> float:
-        return min(self.came[-1], 99.99)
-
-
-class AnHourAgo(Seen):
-    def changed(self, reading: Reading) -> Reading:
-        return replace(reading, begun=reading.begun - 3600, ended=reading.ended - 3600)
-
-
-class Nits(Seen):
-    def changed(self, reading: Reading) -> Reading:
-        return replace(reading, unit="nit")
-
-
-class Divides(Seen):
-    def value(self) -> float:
-        return 1 / 0
-
-
-class Exits(Seen):
-    def value(self) -> float:
-        sys.exit(0)
-
-
-class SaysNothing(Seen):
-    def apparatus(self) -> dict[str, str]:
-        return {}
-
-
-class ZeroesUnasked(Seen):
-    def zero(self) -> None:
-        return None
-
-
-class WorksClosed(Seen):
-    def _require_open(self) -> None:
-        return
 
 
 class Lamp(SimulatedBacklight):
