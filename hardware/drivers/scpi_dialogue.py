@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 
 from evenlight.data_schema.errors import InputError
 from evenlight.hardware.drivers.serial_link import port_error
-from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
+from evenlight.hardware.protocols import TRANSIENT, ContextDevice, Fault, InstrumentError
 
 LOOK = (
     0.005  # [s] that a look at a socket waits for a line; other resources than streams wait for their answer
@@ -31,7 +31,7 @@ SHOWN = 60  # characters of an answer that a message quotes
 Value = TypeVar("Value")
 
 
-class ScpiDialogue:
+class ScpiDialogue(ContextDevice):
     """What is asked, and what is answered to it.
 
     Parameters
@@ -52,7 +52,7 @@ class ScpiDialogue:
     """
 
     def __init__(self, name: str, resource: str, timeout: float, backend: str = "") -> None:
-        self.name, self._timeout = name, timeout
+        self._name, self._timeout = name, timeout
         self._is_serial = resource.upper().startswith("ASRL")
         self._is_stream = self._is_serial or resource.upper().endswith("::SOCKET")
         self._sent, self._rest = list[str](), b""
@@ -93,8 +93,8 @@ class ScpiDialogue:
         self.came = time.monotonic()
         self.send(NAME)
         if (name := (yield from self._line(timeout))) != self.identity:
-            raise InstrumentError(
-                f"{self.name}: {answer[:SHOWN]!r} and {name[:SHOWN]!r} came to {question} and {NAME}; does "
+            raise self._error(
+                f"{answer[:SHOWN]!r} and {name[:SHOWN]!r} came to {question} and {NAME}; does "
                 "another program ask it, too, or is the line disturbed?",
                 Fault.GARBLED,
             )
@@ -114,7 +114,7 @@ class ScpiDialogue:
         """Send questions or commands; some serial converters send them back as lines of their own."""
         self._sent = message.split("\n")
         if self._resource is None:
-            raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
+            raise self._error("is no longer connected", Fault.DISCONNECTED)
         try:
             self._resource.write_raw(f"{message}\n".encode("ascii"))
         except Exception as error:
@@ -134,9 +134,9 @@ class ScpiDialogue:
             if line is None and time.monotonic() >= end:
                 broken, self._rest = self._rest[:SHOWN], b""
                 words = f"only {broken!r} and no end" if broken else "no reply"
-                raise InstrumentError(
-                    f"{self.name}: {words} to {self._sent[-1]} within {timeout:g} s; is it on, does it speak "
-                    "SCPI, and does another program talk to it?",
+                raise self._error(
+                    f"{words} to {self._sent[-1]} within {timeout:g} s; is it on, does it "
+                    "speak SCPI, and does another program talk to it?",
                     Fault.GARBLED if broken else Fault.NO_REPLY,
                 )
             yield
@@ -150,13 +150,13 @@ class ScpiDialogue:
             return None
         self._rest = rest
         if not line.isascii():
-            raise InstrumentError(f"{self.name}: sent what is no text, {line[:SHOWN]!r}", Fault.GARBLED)
+            raise self._error(f"sent what is no text, {line[:SHOWN]!r}", Fault.GARBLED)
         return line.decode("ascii").strip()
 
     def _taken(self, seconds: float) -> bytes:
         """Return what comes within some time [s]: of a stream what is there, else a whole answer."""
         if self._resource is None:
-            raise InstrumentError(f"{self.name}: is no longer connected", Fault.DISCONNECTED)
+            raise self._error("is no longer connected", Fault.DISCONNECTED)
         try:
             if self._is_serial:
                 if not self._resource.bytes_in_buffer:
@@ -183,8 +183,8 @@ class ScpiDialogue:
             if came := self._taken(min(silence, LOOK)):
                 last = time.monotonic()
             if last > begun + silence + NOISY:
-                raise InstrumentError(
-                    f"{self.name}: sends {came[:SHOWN]!r} and more, unasked; which instrument is there?",
+                raise self._error(
+                    f"sends {came[:SHOWN]!r} and more, unasked; which instrument is there?",
                     Fault.WRONG_INSTRUMENT,
                 )
             yield
@@ -198,9 +198,8 @@ class ScpiDialogue:
             names.append(finished(self._line(timeout)))
         if len(set(names)) > 1 or not IDENTITY.fullmatch(names[0]):
             answers = " and then ".join(repr(name[:SHOWN]) for name in dict.fromkeys(names))
-            raise InstrumentError(
-                f"{self.name}: answers {answers} to {NAME}, and that is no SCPI instrument's; which "
-                "instrument is there?",
+            raise self._error(
+                f"answers {answers} to {NAME}, and that is no SCPI instrument's; which instrument is there?",
                 Fault.WRONG_INSTRUMENT,
             )
         return names[0]
@@ -211,18 +210,16 @@ class ScpiDialogue:
         self.close()
         code = str(getattr(error, "abbreviation", ""))
         if code in IN_USE:
-            return InstrumentError(
-                f"{self.name}: is in use by another program; end that first", Fault.BUSY, code
-            )
+            return self._error("is in use by another program; end that first", Fault.BUSY, code)
         if self._is_serial and otherwise is Fault.NOT_FOUND:
-            return port_error(self.name, error)
+            return port_error(self._name, error)
         if isinstance(error, ConnectionRefusedError):  # PyVISA-py learns of it after it has opened a socket
             otherwise = Fault.NOT_FOUND
         words = str(error).partition("\n")[0]
         hint = "is another program connected to it?"
         if otherwise is Fault.NOT_FOUND:
             hint = "is it at this address, and its SCPI socket enabled?"
-        return InstrumentError(f"{self.name}: cannot be reached ({words}); {hint}", otherwise, code)
+        return self._error(f"cannot be reached ({words}); {hint}", otherwise, code)
 
 
 def finished(dialogue: Generator[None, None, Value]) -> Value:

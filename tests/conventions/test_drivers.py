@@ -122,14 +122,16 @@ def test_every_driver_keeps_its_promises(promise: Callable[[Any], None]) -> None
     keep([(kept(promise), one) for one in subjects])
 
 
-@pytest.mark.real_time
-def test_every_driver_tells_of_what_is_not_there_or_goes_away() -> None:
-    keep([(faults.absent_is_named, one) for one in faulty(line=False)], 1)  # no port comes back as another's
+def test_every_driver_tells_of_a_line_that_is_dead() -> None:
     keep([(faults.dead_line_is_told, one) for one in faulty()])
+
+
+@pytest.mark.real_time
+def test_every_driver_tells_of_what_is_not_there_or_cannot_be_put_back() -> None:
+    keep([(faults.absent_is_named, one) for one in faulty(line=False)], 1)  # no port comes back as another's
     keep([(faults.not_restored_is_told, one) for one in faulty(BACKLIGHT)], 1)  # each has 0.3 s to answer
 
 
-@pytest.mark.real_time  # each emulated device answers within the tenths of a second that its driver waits
 def test_no_driver_makes_up_a_reading_where_a_reply_goes_wrong() -> None:
     keep([(faults.nothing_is_made_up(fault), one) for fault in faults.WORDS for one in faulty()])
 
