@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 
 from benchmarks.chart import duration
 from benchmarks.measured import SubjectResults
-from benchmarks.records import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint
+from benchmarks.records import BenchmarkClaim, BenchmarkGrowth, BenchmarkPoint, Role
 
 VERDICT = {True: "met", False: "**missed**", None: "not measured"}
 PREFACE = (
@@ -14,9 +15,13 @@ PREFACE = (
     "medians of as many runs as the tables say, the approaches of a task taken in turn, so that what else "
     "the machine does falls on all alike; ratios are medians over the turns. A first turn, which compiles "
     "and fills caches, does not count, unless a line says that there was none. What takes too long to "
-    "repeat was timed once: its number of runs is 1, and it has no quartiles. Peers run with their own "
-    "defaults unless a line says otherwise."
+    "repeat was timed once: its number of runs is 1. Peers run with their own defaults unless a line says "
+    "otherwise. Of tasks that differ only in the size of the frame the largest is shown; the others, and "
+    "quartiles, are in the CSV files."
 )
+SIZE = re.compile(r"\d+ x \d+")
+# What an approach is called beside its name: the default is bold, and a variant needs no word.
+ROLES = {Role.REFERENCE: " (reference)", Role.PEER: " (peer)", Role.CITED: " (cited)"}
 
 
 def page(machine: Mapping[str, str], subjects: Sequence[SubjectResults], quick: bool, pictures: str) -> str:
@@ -49,7 +54,9 @@ def _subject(subject: SubjectResults, pictures: str) -> list[str]:
     lines = [f"## {subject.title}", "", subject.lead, ""]
     for chart in subject.charts:
         lines += [f"![{chart.title}]({pictures}bench-{chart.name}.png)", ""]
-    for task in dict.fromkeys(p.task for p in subject.points):
+    # The last of the same name is kept: sizes grow.
+    shown = {SIZE.sub("", p.task): p.task for p in subject.points}
+    for task in shown.values():
         lines += [f"### {_capital(task)}", "", *_points([p for p in subject.points if p.task == task]), ""]
     if subject.growth:
         lines += ["### Growth with size", "", *_growth(subject.growth), ""]
@@ -71,14 +78,10 @@ def _points(points: Sequence[BenchmarkPoint]) -> list[str]:
     """Return the table of one task; columns that hold nothing are left out."""
     sizes = len({p.size for p in points}) > 1
     columns = {
-        "approach": [p.approach for p in points],
+        "approach": [_named(p) for p in points],
         points[0].size_of: [str(p.size) if sizes else "" for p in points],
-        "role": [p.role.value for p in points],
         "time": [duration(p.time) for p in points],
         "runs": [str(p.repeats) if p.repeats else "" for p in points],
-        "quartiles": [
-            f"{duration(p.time_low)} to {duration(p.time_high)}" if p.repeats > 1 else "" for p in points
-        ],
         "ratio": ["" if p.ratio is None else f"{p.ratio:.3g}" for p in points],
         "error": ["" if p.error is None else f"{p.error:.2g}" for p in points],
         "memory": ["" if p.peak_memory is None else f"{p.peak_memory:.0f} MiB" for p in points],
@@ -88,6 +91,12 @@ def _points(points: Sequence[BenchmarkPoint]) -> list[str]:
     table = _table(tuple(filled), zip(*filled.values(), strict=True))
     errors = dict.fromkeys(p.error_of for p in points if p.error is not None)
     return [*table, *(["", f"Error: {'; '.join(errors)}."] if errors else [])]
+
+
+def _named(point: BenchmarkPoint) -> str:
+    if point.role is Role.DEFAULT:
+        return f"**{point.approach}**"
+    return point.approach + ROLES.get(point.role, "")
 
 
 def _growth(rows: Iterable[BenchmarkGrowth]) -> list[str]:

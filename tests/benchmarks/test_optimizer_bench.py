@@ -1,6 +1,5 @@
 """The optimizer's benchmark times its peers as it says: in turn, several times, or once and says so."""
 
-import re
 
 import numpy as np
 
@@ -37,17 +36,26 @@ def test_peers_are_timed_in_turn_after_a_turn_that_does_not_count() -> None:
     assert set(found) == {"ours", "peer"}
 
 
-def test_the_page_says_how_often_each_was_timed_and_gives_one_run_no_quartiles() -> None:
+def test_the_page_says_how_often_each_was_timed_and_which_is_the_default() -> None:
     about = Approach("a task", "ours", Role.DEFAULT, 10, "frames")
     often = point(about, Times(np.array([1.0, 2.0, 3.0]), np.ones(3), np.ones(3)))
     once = point(about, Times(np.array([5.0]), np.ones(1), np.ones(1)))
     text = page({}, [SubjectResults("optimizer", "Optimizer", "", (often, once), ())], False, "")
     rows = [[cell.strip() for cell in row.split("|")] for row in text.splitlines() if row.startswith("|")]
-    runs, quartiles = rows[0].index("runs"), rows[0].index("quartiles")
+    runs = rows[0].index("runs")
     assert [row[runs] for row in rows[2:]] == ["3", "1"]
-    assert re.search("to", rows[2][quartiles])
-    assert rows[3][quartiles] == ""
+    assert rows[2][rows[0].index("approach")] == "**ours**"
     assert "its number of runs is 1" in text
+
+
+def test_of_tasks_that_differ_in_the_size_of_the_frame_the_page_shows_the_largest() -> None:
+    times = Times(np.array([1.0]), np.ones(1), np.ones(1))
+    tasks = ("a frame of 640 x 360", "a frame of 1920 x 1080", "3000 frames", "100 frames")
+    points = tuple(point(Approach(t, "a way", Role.PEER, 10, "pixels"), times) for t in tasks)
+    text = page({}, [SubjectResults("curves", "Curves", "", points, ())], False, "")
+    headings = [line for line in text.splitlines() if line.startswith("### ")]
+    assert headings == ["### A frame of 1920 x 1080", "### 3000 frames", "### 100 frames"]
+    assert "| a way (peer) |" in text
 
 
 def test_a_family_on_which_slsqp_finds_better_is_missed_and_says_by_how_much(monkeypatch) -> None:
