@@ -10,7 +10,8 @@ RUN apt-get update && \
 
 COPY . /source
 RUN cd /source && \
-    PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt pip install --no-cache-dir . && \
+    pip install --no-cache-dir --require-hashes --requirement requirements/base.txt && \
+    pip install --no-cache-dir --no-deps --no-build-isolation . && \
     cd / && rm -rf /source
 
 # Its loops, for whoever runs it: what is compiled lies in a folder that all may read.

@@ -3,7 +3,7 @@
 
 BIN := .venv/bin
 # Where .venv was set up and works no more (its Python was replaced, the folder moved), all marks are out of date.
-NEEDED := setup.sh pyproject.toml constraints.txt \
+NEEDED := setup.sh pyproject.toml $(wildcard requirements/*.txt) \
     $(shell [ ! -e .venv/.ready ] || $(BIN)/python -P -c 'import evenlight' 2>/dev/null || echo FORCE)
 
 # Everything but sessions in a window.

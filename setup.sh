@@ -1,5 +1,6 @@
 #!/bin/sh
-# Set up Evenlight in .venv beside this file: the system's Python with venv, then the packages of constraints.txt.
+# Set up Evenlight in .venv beside this file: the system's Python with venv, then the packages of requirements/, each of
+# which must have a SHA-256 that is recorded there.
 #   ./setup.sh         what runs everything but sessions in a window; Python 3.11 to 3.14
 #   ./setup.sh lab     and PsychoPy, with which sessions are run (Python 3.11 or 3.12); on Debian and Ubuntu also the
 #                      libraries that it opens a window and a keyboard with, and a virtual screen to rehearse on
@@ -71,13 +72,24 @@ packages_missing() {
     done
 }
 
+pip_install() {
+    # shellcheck disable=SC2086 # nothing, where it is empty
+    .venv/bin/python -m pip install $quiet --disable-pip-version-check "$@" 2>>"$BUILD_LOG"
+}
+
+# install_packages NAMES: files of requirements/. The first has what builds packages without a wheel, and Evenlight: so
+# nothing is fetched that has no hash there. Evenlight itself is a folder, which can have none.
 install_packages() {
     quiet=--quiet
     [ ! -t 1 ] || quiet=  # its progress, where somebody looks
-    # The packages that builds need are pinned too: by the first variable until pip 25.2, by the second since.
-    # shellcheck disable=SC2086 # nothing, where it is empty
-    PIP_CONSTRAINT=constraints.txt PIP_BUILD_CONSTRAINT=constraints.txt .venv/bin/python -m pip install $quiet \
-        --disable-pip-version-check --use-pep517 --editable ".$1" 2>"$BUILD_LOG" && return
+    : >"$BUILD_LOG"
+    failed=
+    for name in $1; do
+        pip_install --require-hashes --no-build-isolation --use-pep517 --requirement "requirements/$name.txt" ||
+            failed=1
+        [ -z "$failed" ] || break
+    done
+    [ -n "$failed" ] || ! pip_install --no-deps --no-build-isolation --use-pep517 --editable . || return 0
     error=$(sed -n '/^ *ERROR: /{s///;p;q;}' "$BUILD_LOG")
     # A warning that it tries again is none that it failed. Where it finds nothing, it calls pins a conflict.
     if grep -v 'WARNING: ' "$BUILD_LOG" |
@@ -90,13 +102,13 @@ installed stays, run it again then"
     stop "pip could not install Evenlight${error:+: $error}; above is what it said"
 }
 
-newest=14 needs="Python 3.11 to 3.14" extras='' packages='' marks=.ready
+newest=14 needs="Python 3.11 to 3.14" files="build base" packages='' marks=.ready
 case "$mode" in
     '') ;;
-    lab) newest=12 needs="Python 3.11 or 3.12 for PsychoPy" extras='[lab]' packages=$LAB_PACKAGES marks=".ready .lab-ready" ;;
-    test) extras='[dev,lab]' packages="$LAB_PACKAGES $TEST_PACKAGES" marks=".ready .docs-ready .dev-ready .test-ready" ;;
-    docs) extras='[docs]' marks=".ready .docs-ready" ;;
-    dev) extras='[dev]' marks=".ready .docs-ready .dev-ready" ;;
+    lab) newest=12 needs="Python 3.11 or 3.12 for PsychoPy" files="build base lab" packages=$LAB_PACKAGES marks=".ready .lab-ready" ;;
+    test) files="build base docs dev lab" packages="$LAB_PACKAGES $TEST_PACKAGES" marks=".ready .docs-ready .dev-ready .test-ready" ;;
+    docs) files="build base docs" marks=".ready .docs-ready" ;;
+    dev) files="build base docs dev" marks=".ready .docs-ready .dev-ready" ;;
     *) stop "there is no mode $mode: leave it out, or say lab, test, docs or dev" ;;
 esac
 
@@ -143,7 +155,7 @@ missing=$(packages_missing "$packages")
 [ -z "$missing" ] || install_with_apt "$missing" ||
     echo "evenlight: without $missing some windows, pages or players do not open here; as root: apt-get install $missing$refusal" >&2
 say "installing its packages into .venv (a minute or a few, the first time)"
-install_packages "$extras"
+install_packages "$files"
 say "compiling its loops (half a minute, the first time)"
 .venv/bin/python -m evenlight.compile_kernels ||
     echo "evenlight: the loops were not compiled; the first command that needs them does it" >&2

@@ -218,7 +218,7 @@ def _rating_tests(truth: RatingTruth) -> list[PlannedTest]:
 
 def _first_of(one: PlannedTest, sequences: int) -> PlannedTest:
     level = ALPHA / sequences
-    name = f"{one.name} of {sequences} (Holm's first)"
+    name = f"{one.name} of {sequences} (the first step of Holm's correction)"
     return replace(one, name=name, level=level, fewest=fewest_pairs(level))
 
 

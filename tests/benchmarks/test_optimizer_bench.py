@@ -1,6 +1,5 @@
 """The optimizer's benchmark times its peers as it says: in turn, several times, or once and says so."""
 
-
 import numpy as np
 
 from benchmarks.measured import Approach, RunSettings, SubjectResults, point

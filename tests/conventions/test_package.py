@@ -162,6 +162,25 @@ def test_what_set_up_installs_is_pinned_to_the_version_that_is_here() -> None:
     assert Requirement(build).specifier.contains(next(iter(pins["setuptools"].specifier)).version)
 
 
+def test_all_that_set_up_fetches_has_hashes_and_the_version_of_its_pin() -> None:
+    pins: dict[str, set[str]] = {}
+    for line in (ROOT / "constraints.txt").read_text().splitlines():
+        pinned = Requirement(line)
+        pins.setdefault(canonical(pinned.name), set()).add(str(pinned.specifier))
+    fetched = set()
+    for path in (ROOT / "requirements").glob("*.txt"):
+        for entry in path.read_text().replace("\\\n", " ").splitlines():
+            needed, *hashes = entry.split(" --hash=")
+            requirement = Requirement(needed.strip())
+            name = canonical(requirement.name)
+            fetched.add(name)
+            # The frameworks of macOS, which PsychoPy needs there, have no pin of their own.
+            assert str(requirement.specifier) in pins.get(name, set()) or name.startswith("pyobjc"), needed
+            assert hashes
+            assert all(re.fullmatch(r"sha256:[0-9a-f]{64}", one.strip()) for one in hashes)
+    assert fetched >= pins.keys()
+
+
 def reached(package: str, extras: tuple[str, ...], seen: set[tuple[str, str]]) -> set[str]:
     """The names of all packages that a package needs with some extras, near and far."""
     names: set[str] = set()

@@ -33,7 +33,7 @@ def program(system: Path, name: str, script: str) -> None:
     path.chmod(0o755)
 
 
-ASKED = 'echo "$PIP_CONSTRAINT $PIP_BUILD_CONSTRAINT $*" >asked_of_pip'
+ASKED = 'echo "$*" >>asked_of_pip'
 
 
 # Another version of Python, with or without venv, as far as a line of it can tell.
@@ -202,7 +202,8 @@ def test_why_apt_refuses_is_said(system: Path) -> None:
 def set_up_for_sessions(system: Path) -> Path:
     """A checkout in which `make lab` has run, long after its files were written; its Python."""
     shutil.copy(SETUP.with_name("Makefile"), system)
-    for name in ("setup.sh", "Makefile", "pyproject.toml", "constraints.txt"):
+    (system / "requirements").mkdir()
+    for name in ("setup.sh", "Makefile", "pyproject.toml", "requirements/base.txt"):
         (system / name).touch()
         os.utime(system / name, (0, 0))
     python(system, "python3", "3.12")
@@ -278,23 +279,23 @@ def debian(system: Path, installed: str = "none") -> None:
 
 
 @pytest.mark.parametrize(
-    ("mode", "needed", "left_out", "extras", "marks"),
+    ("mode", "needed", "left_out", "files", "marks"),
     [
-        ("", set(), WINDOWS | PAGES_AND_PLAYERS, ".", {".ready"}),
-        ("lab", WINDOWS, PAGES_AND_PLAYERS, ".[lab]", {".ready", ".lab-ready"}),
+        ("", set(), WINDOWS | PAGES_AND_PLAYERS, "", {".ready"}),
+        ("lab", WINDOWS, PAGES_AND_PLAYERS, "lab", {".ready", ".lab-ready"}),
         (
             "test",
             WINDOWS | PAGES_AND_PLAYERS,
             set(),
-            ".[dev,lab]",
+            "docs dev lab",
             {".ready", ".lab-ready", ".test-ready", ".docs-ready", ".dev-ready"},
         ),
-        ("docs", set(), WINDOWS | PAGES_AND_PLAYERS, ".[docs]", {".ready", ".docs-ready"}),
-        ("dev", set(), WINDOWS | PAGES_AND_PLAYERS, ".[dev]", {".ready", ".docs-ready", ".dev-ready"}),
+        ("docs", set(), WINDOWS | PAGES_AND_PLAYERS, "docs", {".ready", ".docs-ready"}),
+        ("dev", set(), WINDOWS | PAGES_AND_PLAYERS, "docs dev", {".ready", ".docs-ready", ".dev-ready"}),
     ],
 )
 def test_each_mode_asks_for_its_packages(
-    system: Path, mode: str, needed: set[str], left_out: set[str], extras: str, marks: set[str]
+    system: Path, mode: str, needed: set[str], left_out: set[str], files: str, marks: set[str]
 ) -> None:
     debian(system)
     ended = run_setup(system, mode, user=0)
@@ -303,9 +304,14 @@ def test_each_mode_asks_for_its_packages(
     packages = set(asked.read_text().split()) if asked.exists() else set()
     assert needed <= packages
     assert not packages & left_out
-    words = (system / "asked_of_pip").read_text().split()
-    assert words[-1] == extras
-    assert words[:2] == ["constraints.txt", "constraints.txt"]  # of what is installed, and of what builds it
+    *fetched, own = (system / "asked_of_pip").read_text().splitlines()
+    assert own.endswith(" --editable .")
+    assert "--no-deps" in own  # all that it needs was fetched before
+    assert [line.split()[-1] for line in fetched] == [
+        f"requirements/{name}.txt" for name in ("build", "base", *files.split())
+    ]
+    # Each with its hash, and built with nothing but what was fetched so.
+    assert all({"--require-hashes", "--no-build-isolation"} <= set(line.split()) for line in fetched)
     assert {path.name for path in (system / ".venv").iterdir()} == {"bin", "pip.log", *marks}
 
 

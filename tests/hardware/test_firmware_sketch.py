@@ -1,4 +1,4 @@
-"""The firmware sketch of docs/power-board.md speaks to the driver, with stand-ins for Arduino's functions."""
+"""The firmware sketch of examples/power_board speaks to the driver, with stand-ins for Arduino's functions."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ pytestmark = pytest.mark.skipif(
 def program(tmp_path_factory) -> Path:
     """Return the sketch, compiled for this computer with an int as narrow as an 8-bit AVR's."""
     folder = tmp_path_factory.mktemp("firmware")
-    sketch = (ROOT / "docs/power-board.md").read_text().split("```cpp\n")[1].split("```")[0]
-    (folder / "sketch.cpp").write_text(sketch)
+    sketch = ROOT / "examples" / "power_board" / "power_board.ino"
+    (folder / "sketch.cpp").write_text(sketch.read_text())
     compiler = ["g++", "-Wall", "-Wextra", "-Werror", f"-I{STAND_INS}"]
     narrow = ["-include", STAND_INS / "narrow_ints.h"]
     for command in (

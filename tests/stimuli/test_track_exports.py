@@ -1,6 +1,5 @@
 """Exported tracks: their scripts and readers give back the track's factors, at its frames."""
 
-import re
 import shutil
 import subprocess
 from fractions import Fraction
@@ -20,7 +19,6 @@ from evenlight.stimuli.dimmed.track_export import ffmpeg_script, stretches_of, w
 
 GAMMA = 2.2
 READERS = Path(__file__).parents[2] / "examples" / "readers"
-GUIDE = Path(__file__).parents[2] / "docs" / "using-a-track.md"
 
 
 def exported(times: np.ndarray, factors: np.ndarray, video: str = "made") -> ExportedTrack:
@@ -192,15 +190,6 @@ def test_ffmpeg_dims_videos_of_other_formats(pix_fmt: str, tmp_path: Path) -> No
 
 
 # --- Readers
-
-
-def test_the_guide_shows_the_readers_themselves() -> None:
-    shown = re.findall(
-        r"^```(?:js|cpp|csharp)\n(.*?)^```", GUIDE.read_text(encoding="utf-8"), re.DOTALL | re.MULTILINE
-    )
-    assert shown == [
-        (READERS / name).read_text(encoding="utf-8") for name in ("track.mjs", "track.hpp", "Track.cs")
-    ]
 
 
 NODE = """
