@@ -48,10 +48,8 @@ def memory_claims(settings: RunSettings) -> list[BenchmarkClaim]:
 
 def _words(way: _Way, short: float) -> str:
     """Return the target of memory of one way, in words."""
-    return (
-        f"memory of a video of {10 * short:g} min over that of {short:g} min, {way.name}, apart from "
-        f"{COPIES} copies of the curves; {SAME_MEMORY - 1:.0%} are allowed for runs of the same that differ"
-    )
+    minutes = f"{10 * short:g} min over that of {short:g} min"
+    return f"memory of a video of {minutes}, {way.name}, apart from the curves"
 
 
 def _memory_claim(way: _Way, short: float) -> BenchmarkClaim:

@@ -136,9 +136,6 @@ def _family_claim(settings: RunSettings, family: Family) -> BenchmarkClaim:
         SAME,
         max(*short, 0.0),
         "share of constant dimming's objective",
-        f"{family.instances} of them, of {min(sizes)} to {max(sizes)} frames, curves that are smooth, "
-        "flicker, fall in steps, or rise and fall, loose and tight limits, budgets up to the ends, and in "
-        "each four one with frame weights, one with allowances of 0 and of more than 1, one with an OLED "
-        "power budget: "
+        f"{family.instances} made ones of {min(sizes)} to {max(sizes)} frames, of all kinds: "
         f"worse on {lost}, {better}, the same on the rest{MISSED if lost else ''}{fewer}{alone}",
     )

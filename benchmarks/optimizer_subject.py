@@ -70,7 +70,9 @@ def _notes(points: tuple[BenchmarkPoint, ...]) -> tuple[str, ...]:
     saved = "; ".join(f"{p.task}: {p.ratio:.2g} of the time from constant dimming" for p in warm)
     return (
         "Frames of the comparison are made: scenes with cuts, drift, flicker, stairs; where a table is of "
-        "rendered ones, it says so. Every answer is checked for budget, rate limit and bounds.",
+        "rendered ones, it says so. Of all kinds: curves that are smooth, flicker, fall in steps, or rise "
+        "and fall, loose and tight limits, budgets up to the ends; one in four each with frame weights, "
+        "allowances, an OLED power budget. Every answer is checked for budget, rate limit and bounds.",
         f"Up to {DENSE} frames ours includes SLSQP, as the polish of its best answer and from a few starts "
         f"more; up to {SHORTEST} from many. Above {DENSE} it is the splitting and the grid of factors alone.",
         f"Times over the number of frames, with and without the bound, are parts of the same runs; above "

@@ -151,23 +151,29 @@ def _text(thing: Any) -> str:
 
 
 def requests_page() -> str:
-    """Return the page on requests; what stands before its first table is written by hand."""
-    written = REQUESTS.read_text().partition("\n### ")[0].rstrip()
-    return "\n\n".join([written, *_hidden(typer.main.get_command(app), ())]) + "\n"
+    """Return the page on requests; what stands before its table is written by hand."""
+    written = REQUESTS.read_text().partition("\n| option ")[0].rstrip()
+    commands: dict[tuple[str, str, str], list[str]] = {}  # by what is said of an option
+    for command, said in _hidden(typer.main.get_command(app), ()):
+        commands.setdefault(said, []).append(command)
+    rows = ["| option | of | what it is | default |", "|---|---|---|---|"]
+    for (name, words, default), names in commands.items():
+        rows.append(f"| `{name}` | {', '.join(names)} | {words} | {default} |")
+    return "\n\n".join([written, "\n".join(rows)]) + "\n"
 
 
-def _hidden(command: Any, words: tuple[str, ...]) -> list[str]:
-    """Return a table for each command that has options which its help does not show."""
+def _hidden(command: Any, words: tuple[str, ...]) -> list[tuple[str, tuple[str, str, str]]]:
+    """Return the options that the help of commands does not show: command; name, what it is, default."""
     if isinstance(command, TyperGroup):
         return [part for name, one in command.commands.items() for part in _hidden(one, (*words, name))]
-    rows = ["| option | what it is | default |", "|---|---|---|"]
+    found = []
     for one in command.params:
         if getattr(one, "hidden", False):
             told = one.show_default if isinstance(one.show_default, str) else one.default
             default = getattr(told, "value", told)
             shown = f"`{default}`" if default not in (None, False) else ""
-            rows.append(f"| `{one.opts[0]}` | {one.help} | {shown} |")
-    return [f"### `evenlight {' '.join(words)}`", "\n".join(rows)] if len(rows) > 2 else []
+            found.append((" ".join(words), (one.opts[0], one.help, shown)))
+    return found
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""The firmware sketch of examples/power_board speaks to the driver, with stand-ins for Arduino's functions."""
+"""The firmware sketch of examples/power_board answers the driver, with stand-ins for Arduino's functions."""
 
 from __future__ import annotations
 
