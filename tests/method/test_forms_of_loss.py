@@ -155,7 +155,8 @@ def test_every_choice_of_the_model_is_kept_in_every_form(choice, reflected):
     expected = defined(frame, display, model, factors)
     for form in FORMS if choice in CHOICES else (one_pass, one_factor):
         np.testing.assert_allclose(form(frame, display, model, factors), expected, atol=6e-4)
-    assert np.abs(defined(frame, display, factors=factors) - expected).max() > 8e-4
+    if not reflected:
+        assert np.abs(defined(frame, display, factors=factors) - expected).max() > 8e-4
 
 
 @each_form
