@@ -84,7 +84,7 @@ def test_a_difference_that_is_there_is_found_and_one_that_is_not_is_not() -> Non
     assert (library.value, library.p_value) == (0.0, 1.0)
     both = (15 / 17 + 0) / 2  # the mean of each participant's two differences
     assert seventeen().lead.startswith(
-        f"Ours was rated {both:.2f} points higher than constant dimming over 2"
+        f"The track was rated {both:.2f} points higher than constant dimming over 2"
     )
     assert "1 of 2 sequences differs beyond chance" in seventeen().lead
     assert [own.value for own in seventeen().key_figures[:3]] == [f"+{both:.2f} points", "1 of 2", "17"]
@@ -124,7 +124,7 @@ def test_everybody_giving_the_same_rating_gives_flags_and_no_odds_ratio() -> Non
     same = {"gym": [3] * 17, "library": [3] * 17}
     findings = rating_findings(rating_data(rated(same, same)), 1)
     assert repr(findings).startswith("<Analysis of rating: ")
-    assert "Ours and constant dimming were rated alike" in repr(findings)
+    assert "The track and constant dimming were rated alike" in repr(findings)
     odds = statistic(findings, "all", "odds ratio of a higher rating, ours")
     assert (odds.value, odds.p_value) == (None, None)
     assert odds.flag == FitFlag.NO_VARIATION.value

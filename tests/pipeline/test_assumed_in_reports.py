@@ -28,4 +28,4 @@ def test_the_report_on_simulated_comparisons(
     assert "Assumed and estimated" in page
     said = "By the assumed observer there is nothing to see"
     assert (said in page) == (said in outcome.out) == coins
-    assert ("taken for the version that changed" in outcome.out) == (not coins)
+    assert ("taken for the one that changed" in outcome.out) == (not coins)
