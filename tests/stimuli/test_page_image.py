@@ -85,7 +85,7 @@ def test_bold_words_have_more_ink() -> None:
         ("", "a page is empty"),
         ("  \n\n ", "a page is empty"),
         ("# Title\n\nan **open end", "'# Title' has a \\*\\* that no second one ends"),
-        ("ようこそ", r"'よ' \(U\+3088, HIRAGANA LETTER YO\), which DejaVu Sans lacks: give a font .* --font"),
+        ("ようこそ", r"'よ' \(U\+3088, HIRAGANA LETTER YO\), which DejaVu Sans lacks: give a font .* `font`"),
     ],
 )
 def test_a_text_that_cannot_be_set_is_refused_by_its_first_line(text, says) -> None:
