@@ -38,9 +38,9 @@ def _walk(walk: WalkOptions, live: LiveOptions) -> None:
         words = "{} is for walks that are dimmed live: give it with --target-loss or --budget"
         refuse(words, live, "rate_limit", "device", "limit_curve", "accept_wide_band", *GAINS)
         refuse(words, walk, "other_display_ok")
-    from evenlight.experiments.playback.walk_request import asked_walk, walk_as_asked
+    from evenlight.experiments.playback.walk_request import walk_as_asked
 
-    said = walk_as_asked(asked_walk(walk, live))
+    said = walk_as_asked(walk, live)
     if not walk.quiet:
         typer.echo(said)
 

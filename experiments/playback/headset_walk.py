@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from evenlight.data_schema.recordings.rig import Eye
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer
-from evenlight.experiments.playback.walk import SPEED, Walk, Walker, WalkResult, along, moved
+from evenlight.experiments.playback.walk import SPEED, Walk, Walker, along, moved
 from evenlight.hardware.presentation.headset_link import HeadsetFrame
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.protocols import HeldKeys, KeyPress, Pointer
@@ -34,10 +34,10 @@ class HeadsetWalk(Walk):
     Parameters are those of `Walk`, of devices with a window in a headset.
     """
 
-    def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> WalkResult:
+    def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> None:
         """Walk until the pause key is pressed, or for some time [s]; then the rows are completed."""
         try:
-            return super().walk(held, pointer, seconds)
+            super().walk(held, pointer, seconds)
         finally:
             if isinstance(self.dimmer, HeadsetDimmer):
                 self.dimmer.finish()

@@ -1,27 +1,18 @@
-"""Free movement in a scene, at a constant brightness factor or a controlled one, until the user ends it.
-
-And how a walk went: means over time, how a budget was met, and the summary in one line.
-"""
+"""Free movement in a scene, at a constant brightness factor or a controlled one, until the user ends it."""
 
 from __future__ import annotations
 
-import itertools
 import json
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from evenlight.data_schema.storage.whole_files import write_whole
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.control import LiveRefresh
-from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer
+from evenlight.experiments.playback.live_dimming import LiveDimmer
 from evenlight.experiments.playback.player import (
     NOISE_SEED,
     PlaybackDevices,
-    dropped_words,
     ends,
     heads_of,
     pressed_on,
@@ -30,9 +21,6 @@ from evenlight.experiments.recordings import ClipRecording
 from evenlight.experiments.showing import Brightness, Screenshots
 from evenlight.hardware.presentation.headset_window import ShownFrame
 from evenlight.hardware.protocols import HeldKeys, KeyPress, Pointer
-from evenlight.method.online.gain import GainMonitor, gain_warning
-from evenlight.method.online.governor import HORIZON, HorizonErrors, horizon_errors, horizon_warning
-from evenlight.method.rate_limit import largest_rate_ratio
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
 from evenlight.stimuli.renderers import image_renderer
@@ -63,20 +51,6 @@ class Walker:
     position: Vector
     azimuth: float
     altitude: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class WalkResult:
-    """How a walk went: when its refreshes came [s], how many were dropped, and the way [s, walker]."""
-
-    flip_times: tuple[float, ...]
-    frames_dropped: int
-    way: tuple[tuple[float, Walker], ...]
-
-    @property
-    def went(self) -> bool:
-        """Whether time passed, so that there is a way."""
-        return bool(self.way) and self.way[-1][0] > 0
 
 
 def moved(
@@ -158,6 +132,8 @@ class Walk:
         The rig's, at the pixels per degree that are drawn.
     recording, heads : ClipRecording, list of ShownFrame
         What each refresh showed; in a headset, what its runtime says of each.
+    way : list of (float, Walker)
+        Where the walker was, since the first refresh [s].
     pictures : SceneRenderer
         Draws what is shown.
     dimmer : LiveDimmer or None
@@ -185,20 +161,12 @@ class Walk:
         self._renderer = image_renderer(window, display, rig.dither)
         self._black = display.black_level + display.reflected_luminance
         self._screenshots = Screenshots(screenshots)
-        self.recording, self._way = ClipRecording(rig.refresh_rate), list[tuple[float, Walker]]()
+        self.recording, self.way = ClipRecording(rig.refresh_rate), list[tuple[float, Walker]]()
         self.heads: list[ShownFrame] = []
 
-    @property
-    def walked(self) -> WalkResult:
-        """How it went so far, whatever ended it."""
-        if not self._way:
-            return WalkResult((), 0, ())
-        refreshes = self.recording.refreshes
-        return WalkResult(refreshes.times(), refreshes.dropped(), tuple(self._way))
-
-    def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> WalkResult:
+    def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> None:
         """Walk until the pause key is pressed, or for some time [s]."""
-        walker, refreshes, way = start_in(self._scene), self.recording.refreshes, self._way
+        walker, refreshes = start_in(self._scene), self.recording.refreshes
         last, onset, presses = None, None, pressed_on(self._devices)
         while not any(ends(press, self._devices.rig) for press in presses):
             walker = self._turned(walker, presses)
@@ -206,14 +174,13 @@ class Walk:
             onset = flip if onset is None else onset
             if self.dimmer is not None:
                 self.dimmer.note(flip - onset)
-            way.append((flip - onset, self._seen))
+            self.way.append((flip - onset, self._seen))
             if seconds is not None and flip - onset >= seconds:
                 break
             step = 0.0 if last is None else min(flip - last, LONGEST_STEP)
             mouse = (0.0, 0.0) if pointer is None else pointer.moved()
             walker, last = self._moved(walker, held.held(), mouse, step), flip
             presses = pressed_on(self._devices)
-        return self.walked
 
     def _drawn(self) -> tuple[SceneRenderer, Image | EyeImages]:
         """Return what draws the pictures that count, and the image that is shown."""
@@ -289,127 +256,3 @@ def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> N
     ]
     path = {"scene": scene, "duration_s": points[-1]["time_s"], "keypoints": points}
     write_whole(file, json.dumps(path, indent=1) + "\n")
-
-
-def over_time(rows: list[LiveRefresh], values: Sequence[float | None]) -> float | None:
-    """Return the mean over time of what each refresh has, where it is known; None if it never is.
-
-    A picture counts until the next one appears. Where only the last one has a value, that is the mean.
-    """
-    seconds = [*np.diff([row.flip_time for row in rows]).tolist(), 0.0]
-    known = [
-        (value, passed)
-        for value, passed in zip(values, seconds[: len(rows)], strict=True)
-        if value is not None
-    ]
-    if not known:
-        return None
-    value, passed = np.array(known).T
-    whole = passed.sum()
-    mean = value @ passed / whole if whole > 0 else value.mean()
-    return float(np.clip(mean, value.min(), value.max()))  # beyond them it is by rounding
-
-
-def rate_ratio(rows: list[LiveRefresh]) -> float | None:
-    """Return the largest ratio of a rate to its limit, if there is a finite one."""
-    steps = [(row.rate, row.rate_limit) for row in rows if row.rate is not None]
-    if not steps:
-        return None
-    ratio = largest_rate_ratio(*np.array(steps, dtype=float).T)
-    return ratio if np.isfinite(ratio) else None
-
-
-@dataclass(frozen=True, slots=True)
-class BudgetOutcome:
-    """How a walk met its budget."""
-
-    # the mean over time, in the budget's unit; None for a share of a panel that took no power at all
-    achieved: float | None
-    mean_power: float | None  # [W]; None for a budget in factors
-    errors: HorizonErrors | None  # over whole horizons; None for a walk that is shorter
-
-
-def budget_outcome(budget: LiveBudget, rows: list[LiveRefresh]) -> BudgetOutcome | None:
-    """Return how a walk met its budget; None for one that ended at once.
-
-    A picture counts until the next one appears; how long the last one stayed is unknown.
-    """
-    asked, shown = budget.settings, rows[:-1]
-    durations = np.diff([row.flip_time for row in rows])
-    if not shown or not durations.sum() > 0:
-        return None
-    in_factors = asked.budget_unit is BudgetUnit.FACTOR
-    used = np.array([row.factor if in_factors else row.power for row in shown], dtype=float)
-    whole = np.ones_like(used)
-    if asked.budget_unit is BudgetUnit.POWER:
-        whole = np.array([row.full_power for row in shown], dtype=float)
-    return BudgetOutcome(
-        achieved=float(used @ durations / (whole @ durations)) if whole @ durations > 0 else None,
-        mean_power=None if in_factors else float(used @ durations / durations.sum()),
-        errors=horizon_errors(used, whole, durations, (asked.budget, asked.horizon)),
-    )
-
-
-def between_answers(rows: list[LiveRefresh]) -> float | None:
-    """Return the median time from one answer of the controller to the next [s], if there are two."""
-    measured = [(row.measured_refresh, row.flip_time) for row in rows if row.measured_refresh is not None]
-    times = [time for k, (refresh, time) in enumerate(measured) if k == 0 or refresh != measured[k - 1][0]]
-    median = float(np.median(np.diff(times))) if len(times) > 1 else 0.0
-    return median if median > 0 else None
-
-
-def walk_summary(
-    scene: str,
-    done: WalkResult,
-    rows: list[LiveRefresh],
-    budget: LiveBudget | None,
-    *,
-    timed: bool = True,
-) -> str:
-    """Return how a walk in a scene went, what the controller did, and how a budget was met."""
-    seconds, count = done.flip_times[-1] if done.flip_times else 0.0, len(done.flip_times)
-    words = (
-        f"{scene}: {count} refreshes in {seconds:.1f} s, {dropped_words(done.frames_dropped, timed=timed)}"
-    )
-    return words + _control_summary(rows) + _budget_summary(budget, rows) + _gain_summary(budget, rows)
-
-
-def _gain_summary(budget: LiveBudget | None, rows: list[LiveRefresh]) -> str:
-    """Return that nothing was gained over the last horizon, in words; nothing where something was."""
-    monitor = GainMonitor(HORIZON if budget is None else budget.settings.horizon)
-    for row, after in itertools.pairwise(rows):
-        if row.contrast_loss is not None and row.measured_factor is not None:
-            monitor.take(row.measured_factor, row.contrast_loss, after.flip_time - row.flip_time)
-    warning = gain_warning(monitor.ratio)
-    return "" if warning is None else f"; {warning}"
-
-
-def _control_summary(rows: list[LiveRefresh]) -> str:
-    """Return what the controller did, in words; nothing without one."""
-    known = [row for row in rows if row.contrast_loss is not None]
-    if not known:
-        return "" if not rows else "; no loss was measured"
-    measured = len({row.measured_refresh for row in known})
-    loss = over_time(rows, [row.contrast_loss for row in rows])
-    factor = over_time(rows, [row.factor for row in rows])
-    return f"; contrast loss {loss:.3g} and factor {factor:.3g} on average, {measured} refreshes measured"
-
-
-def _budget_summary(budget: LiveBudget | None, rows: list[LiveRefresh]) -> str:
-    """Return how a budget was met, in words; nothing without one."""
-    met = None if budget is None else budget_outcome(budget, rows)
-    if budget is None or met is None:
-        return ""
-    asked = budget.settings
-    words = f"; budget {asked.budget:g} ({asked.budget_unit.value}): "
-    if met.achieved is None:
-        return f"{words}nothing was used, all was black"
-    words += f"{met.achieved:.3g} on average"
-    if met.errors is None:
-        words += f", shorter than the horizon of {asked.horizon:g} s"
-    else:
-        off, above = met.errors
-        words += f", over any {asked.horizon:g} s off by {off:.2g} at most, above it by {above:.2g}"
-    passed = between_answers(rows)
-    warning = None if passed is None else horizon_warning(asked, passed, "answers")
-    return words if warning is None else f"{words}; {warning}"

@@ -80,7 +80,7 @@ def facing(azimuth: float) -> Pose:
 def test_the_stick_walks_where_the_head_looks_as_fast_as_it_is_pushed(walk_in) -> None:
     """The walk begins at (5, 3) and looks north; the head looks east, and half a push is half the speed."""
     script = HeadsetScript(head=lambda _: facing(90.0), stick=lambda _: (0.0, 0.5))
-    way = walk_in(script, 1.0).walked.way
+    way = walk_in(script, 1.0).way
     (begin, first), (end, last) = way[0], way[-1]
     moved = np.subtract(last.position, first.position)
     assert moved == pytest.approx([0.5 * SPEED * (end - begin), 0, 0], abs=2 * SPEED / 90)
@@ -101,7 +101,7 @@ def test_a_flick_turns_at_once_about_the_head(walk_in) -> None:
     script = HeadsetScript(
         head=lambda _: Pose(), presses=[KeyPress("stick_left", 0.1), KeyPress("stick_right", 0.3)]
     )
-    azimuths = [walker.azimuth for _, walker in walk_in(script, 0.5).walked.way]
+    azimuths = [walker.azimuth for _, walker in walk_in(script, 0.5).way]
     changed = [after for before, after in pairwise(azimuths) if after != before]
     assert changed == [330.0, 0.0]
 

@@ -15,7 +15,9 @@ from benchmarks.controller_tuning import frame_gains, stable_slope
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.control import LiveRefresh
 from evenlight.experiments.playback.live_dimming import LONGEST, LiveDimmer
-from evenlight.experiments.playback.walk_request import LiveRequest
+from evenlight.experiments.playback.live_record import LiveDimming
+from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
+from evenlight.experiments.playback.walk_request import require_walk
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_display, load_rate_limit
@@ -232,10 +234,12 @@ def test_the_log_says_what_was_known() -> None:
 
 
 def test_a_controller_that_cannot_be_is_refused() -> None:
+    walk = WalkOptions(scene="house", seconds=2.0)
     with pytest.raises(InputError, match=r"--target-loss must lie in 0 to 1, got 1\.5"):
-        LiveRequest(1.5)
-    with pytest.raises(InputError, match="give --target-loss"):
-        LiveRequest(None, out=Path("somewhere"))
+        require_walk(walk, LiveOptions(1.5))
+    with pytest.raises(InputError, match="give --target-loss or --budget with it"):
+        require_walk(replace(walk, out=Path("somewhere")), LiveOptions())
     with pytest.raises(InputError, match="was fitted on"):
-        LiveRequest(0.1).controller(OTHER)
-    assert LiveRequest(0.1, other_display_ok=True).controller(OTHER).settings.target_loss == 0.1
+        LiveDimming.asked_for(LiveOptions(0.1), OTHER, None)
+    accepted = LiveDimming.asked_for(LiveOptions(0.1), OTHER, None, other_display_ok=True)
+    assert accepted.controller.settings.target_loss == 0.1

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,18 +13,16 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveDimmer, LiveGovernor, PictureUse
-from evenlight.experiments.playback.walk import BudgetOutcome, WalkResult, budget_outcome, walk_summary
-from evenlight.experiments.playback.walk_request import (
-    LiveRequest,
-    WalkRequest,
-    budget_asked,
+from evenlight.experiments.playback.live_record import (
+    LiveDimming,
+    asked_budget,
+    dimming_in_words,
     live_control,
-    with_budget,
 )
-from evenlight.method.choices import LimitCurve
+from evenlight.experiments.playback.play_options import LiveOptions
 from evenlight.method.online.control_curves import control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings, ControllerState, SteeredTarget
-from evenlight.method.online.governor import GovernorSettings, HorizonErrors, frame_costs, governor_of
+from evenlight.method.online.governor import GovernorSettings, frame_costs, governor_of
 from evenlight.method.preset_files import load_display, load_power_model, load_rate_limit
 from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 
@@ -97,11 +95,9 @@ def test_the_budget_is_met_over_every_horizon_and_the_rate_limit_kept(late: int)
     meter = MadeUp(np.where(dark, 0.3, 0.15), np.where(dark, 12.0, 55.0), late)
     budget = asked(0.6, BudgetUnit.FACTOR, 20.0)
     rows = walked(meter, budget, n, 0.05, 0.6)
-    met = budget_outcome(budget, rows)
-    assert met is not None
-    assert met.errors is not None
+    met = recorded(budget, rows)
     assert met.achieved == pytest.approx(0.6, abs=0.01)
-    assert met.errors.either_way < 0.025
+    assert met.horizon_error < 0.025
     assert all(abs(row.rate) <= row.rate_limit * (1 + 1e-6) for row in rows[1:])
     assert len({row.target_loss for row in rows}) > 100 / late  # it is the target that moves
 
@@ -137,10 +133,8 @@ def day_after_night(limit: ScalarRateLimit) -> tuple[float, list[LiveRefresh]]:
     light = np.where(np.arange(n) < day, 0.5, 50.0)
     budget = asked(0.2 + 0.6 * full, BudgetUnit.WATT, 20.0, OLED)
     rows = walked(MadeUp(np.full(n, 0.2), light, 3), budget, n, 0.03, limit=limit)
-    met = budget_outcome(budget, rows)
-    assert met is not None
-    assert met.errors is not None
-    return met.errors.above / full, rows
+    met = recorded(budget, rows)
+    return met.horizon_excess / full, rows
 
 
 @pytest.mark.slow
@@ -219,9 +213,14 @@ def test_exact_black_is_walked_through_and_recorded(base: float, unit: BudgetUni
 
 
 def recorded(budget: LiveBudget, rows: list[LiveRefresh]) -> LiveControl:
-    limit = load_rate_limit("surace2025"), LimitCurve.FITTED
-    seen = "house", load_display("varjo-xr3"), "cpu"
-    return with_budget(live_control(ControllerSettings(0.0), limit, seen, rows, simulated=True), budget, rows)
+    display = load_display("varjo-xr3")
+    dimming = LiveDimming.asked_for(LiveOptions(), display, None)
+    seen = "house", display, "cpu"
+    return live_control(replace(dimming, budget=budget), seen, rows, simulated=True)
+
+
+def said_of(budget: LiveBudget, rows: list[LiveRefresh]) -> str:
+    return dimming_in_words(recorded(budget, rows), budget, rows)
 
 
 def test_a_horizon_of_too_few_answers_is_told_and_recorded() -> None:
@@ -229,14 +228,12 @@ def test_a_horizon_of_too_few_answers_is_told_and_recorded() -> None:
     n, budget = round(20 * RATE), asked(0.6, BudgetUnit.FACTOR, 20.0)
     rows = walked(MadeUp(np.full(n, 0.2), np.full(n, 50.0), 15), budget, n, 0.03, 0.6)
     assert recorded(budget, rows).steered_horizon == pytest.approx(100.0)
-    done = WalkResult(tuple(row.flip_time for row in rows), 0, ())
-    said = walk_summary("house", done, rows, budget)
-    assert said.endswith(
+    assert said_of(budget, rows).endswith(
         "the horizon of 20 s holds 40 answers, too few to steer by: look for the budget over 100 s"
     )
     prompt = walked(MadeUp(np.full(n, 0.2), np.full(n, 50.0), 2), budget, n, 0.03, 0.6)
     assert recorded(budget, prompt).steered_horizon == 20.0
-    assert "too few" not in walk_summary("house", done, prompt, budget)
+    assert "too few" not in said_of(budget, prompt)
 
 
 def test_what_is_said_of_a_walk_is_what_its_record_says() -> None:
@@ -244,7 +241,7 @@ def test_what_is_said_of_a_walk_is_what_its_record_says() -> None:
     n, budget = round(30 * RATE), asked(0.21, BudgetUnit.WATT, 9.0, OLED)
     rows = walked(MadeUp(np.full(n, 0.2), np.full(n, 50.0), 2), budget, n, 0.03, 0.25)
     kept = recorded(budget, rows)
-    said = walk_summary("house", WalkResult(tuple(row.flip_time for row in rows), 0, ()), rows, budget)
+    said = said_of(budget, rows)
     assert f"{kept.mean_loss:.3g} and factor {kept.mean_factor:.3g} on average" in said
     assert f"budget 0.21 (watt): {kept.achieved:.3g} on average" in said
     assert f"off by {kept.horizon_error:.2g} at most, above it by {kept.horizon_excess:.2g}" in said
@@ -288,64 +285,53 @@ def test_what_a_walk_used_by_hand() -> None:
         a_row(2, 2.0, 0.25, 0.0, 1.0),
         a_row(3, 4.0, 1.0, 9.0, 9.0),
     ]
-    assert budget_outcome(asked(0.5, BudgetUnit.FACTOR, 2.0), rows) == BudgetOutcome(
-        0.4375, None, HorizonErrors(0.25, 0.125)
-    )
-    assert budget_outcome(asked(1.5, BudgetUnit.WATT, 2.0), rows) == BudgetOutcome(
-        1.0, 1.0, HorizonErrors(1.5, 0.5)
-    )
-    # Of full power: 4/6 over the first two seconds, 3/5 over the next two, 0 over the last.
-    share = budget_outcome(asked(0.5, BudgetUnit.POWER, 2.0), rows)
-    assert share is not None
-    assert share.errors is not None
-    assert (share.achieved, share.mean_power) == (0.5, 1.0)
-    assert share.errors == pytest.approx((0.5, 4 / 6 - 0.5))
-    assert budget_outcome(asked(0.5, BudgetUnit.FACTOR, 9.0), rows) == BudgetOutcome(0.4375, None, None)
-    assert budget_outcome(asked(0.5, BudgetUnit.FACTOR, 9.0), rows[:1]) is None
+    for budget, met in (
+        (asked(0.5, BudgetUnit.FACTOR, 2.0), (0.4375, None, 0.25, 0.125)),
+        (asked(1.5, BudgetUnit.WATT, 2.0), (1.0, 1.0, 1.5, 0.5)),
+        # Of full power: 4/6 over the first two seconds, 3/5 over the next two, 0 over the last.
+        (asked(0.5, BudgetUnit.POWER, 2.0), (0.5, 1.0, 0.5, 4 / 6 - 0.5)),
+        (asked(0.5, BudgetUnit.FACTOR, 9.0), (0.4375, None, None, None)),
+    ):
+        kept = recorded(budget, rows)
+        outcome = (kept.achieved, kept.mean_power, kept.horizon_error, kept.horizon_excess)
+        assert outcome == pytest.approx(met, abs=1e-12)
+    at_once = asked(0.5, BudgetUnit.FACTOR, 9.0)
+    assert recorded(at_once, rows[:1]).achieved is None
+    assert said_of(at_once, rows[:1]) == "no loss was measured"
 
 
 def test_the_record_says_what_the_budget_was_and_how_it_was_met() -> None:
-    limit, seen = (
-        (load_rate_limit("surace2025"), LimitCurve.FITTED),
-        ("house", load_display("varjo-xr3"), "cpu"),
-    )
     rows = [a_row(k, float(k), 0.5, 1.0, 2.0) for k in range(5)]
-    plain = live_control(ControllerSettings(0.0), limit, seen, rows, simulated=True)
-    kept = with_budget(plain, asked(0.75, BudgetUnit.WATT, 2.0, OLED), rows)
+    kept = recorded(asked(0.75, BudgetUnit.WATT, 2.0, OLED), rows)
     assert (kept.budget, kept.budget_unit, kept.horizon) == (0.75, BudgetUnit.WATT, 2.0)
     assert (kept.target_loss, kept.final_target_loss) == (0.1, 0.14)
     assert (kept.power_model, kept.mean_power) == ("oled", 1.0)
     assert (kept.horizon_error, kept.horizon_excess) == (0.25, 0.25)
-    nothing = with_budget(plain, asked(0.75, BudgetUnit.FACTOR, 2.0), [])
+    nothing = recorded(asked(0.75, BudgetUnit.FACTOR, 2.0), [])
     assert (nothing.target_loss, nothing.power_model, nothing.horizon_error) == (None, None, None)
 
 
 @pytest.mark.parametrize(
-    ("words", "says"),
+    ("options", "says"),
     [
-        ((0.0, None, None, None), "--budget must be above 0, got 0"),
-        ((0.5, None, 0.0, None), r"--horizon must lie in 0\.1 to 1e\+06, got 0"),
-        ((0.5, None, None, "surace2025"), "--power-model is for a budget in power or watt"),
+        ({"budget": 0.0}, "--budget must be above 0, got 0"),
+        ({"budget": 0.5, "horizon": 0.0}, r"--horizon must lie in 0\.1 to 1e\+06, got 0"),
+        ({"budget": 0.5, "power_model": "surace2025"}, "--power-model is for a budget in power or watt"),
     ],
 )
-def test_a_budget_that_cannot_be_is_refused(words: tuple, says: str) -> None:
+def test_a_budget_that_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        budget_asked(*words)
+        asked_budget(LiveOptions(**options))
 
 
 def test_a_budget_that_no_factor_meets_is_refused_before_the_window_opens() -> None:
-    display = load_display("varjo-xr3")
     for budget, says in (
-        (budget_asked(0.1, None, None, None), r"the budget 0\.1 \(factor\) cannot be met"),
+        (asked_budget(LiveOptions(budget=0.1)), r"the budget 0\.1 \(factor\) cannot be met"),
         (asked(0.5, BudgetUnit.FACTOR, 60.0, OLED), "says nothing of the power of an OLED panel"),
         (asked(0.05, BudgetUnit.WATT, 60.0, OLED), r"0\.05 \(watt\) cannot be met on any content"),
         (asked(50.0, BudgetUnit.WATT, 60.0, OLED), r"50 \(watt\) cannot be met on any content"),
         (asked(0.001, BudgetUnit.POWER, 60.0, OLED), r"0\.001 \(power\) cannot be met"),
     ):
-        live = LiveRequest(budget=budget)
         with pytest.raises(InputError, match=says):
-            live.governor(display, live.controller(display))
-    assert budget_asked(None, None, None, None) is None
-    assert WalkRequest("house", None, None, None, None, None, 2.0, None, False).factor is None
-    with pytest.raises(InputError, match="give --target-loss or --budget with it"):
-        LiveRequest(out=Path("somewhere"))
+            LiveDimming.asked_for(LiveOptions(), load_display("varjo-xr3"), budget)
+    assert asked_budget(LiveOptions()) is None

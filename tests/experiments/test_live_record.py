@@ -3,22 +3,30 @@
 import pytest
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.tracks.control import LiveRefresh
-from evenlight.experiments.playback.live_record import live_control
+from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
+from evenlight.experiments.playback.live_record import (
+    LiveDimming,
+    between_answers,
+    dimming_in_words,
+    live_control,
+    over_time,
+)
 from evenlight.experiments.playback.play_options import LiveOptions
-from evenlight.experiments.playback.walk import WalkResult, between_answers, over_time, walk_summary
-from evenlight.experiments.playback.walk_request import LiveRequest
 from evenlight.method.choices import LimitCurve
-from evenlight.method.online.controller import ControllerSettings
-from evenlight.method.preset_files import load_rate_limit
 
 BENCH = Display("bench", 104.4, 0.2, 1.95, 72.28)
+
+
+def recorded(rows: list[LiveRefresh], curve: LimitCurve = LimitCurve.FITTED) -> LiveControl:
+    asked = LiveOptions(0.03, limit_curve=curve)
+    dimming = LiveDimming.asked_for(asked, BENCH, None, other_display_ok=True)
+    return live_control(dimming, ("house", BENCH, "cpu"), rows, simulated=True)
 
 
 def test_gains_are_those_that_are_asked_for_with_their_frame_rate() -> None:
     """A rate of 0 leaves the gains to the display's refreshes; what is not given is as in the paper."""
     asked = LiveOptions(target_loss=0.03, proportional=0.7, integral=0.02, gain_rate=45.0)
-    settings = LiveRequest(0.03, gains=asked.gains).controller(BENCH).settings
+    settings = LiveDimming.asked_for(asked, BENCH, None, other_display_ok=True).controller.settings
     assert (settings.proportional, settings.integral, settings.derivative) == (0.7, 0.02, 0.05)
     assert (settings.gain_rate, settings.target_loss) == (45.0, 0.03)
     assert LiveOptions(target_loss=0.03, gain_rate=0.0).gains == {"gain_rate": None}
@@ -32,8 +40,7 @@ def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
         LiveRefresh(2, 4.0, 0.6, contrast_loss=0.1, rate=1.0, rate_limit=2.0),
         LiveRefresh(3, 6.0, 1.0, contrast_loss=1.0, rate=0.0, rate_limit=0.0),
     ]
-    limit = load_rate_limit("surace2025"), LimitCurve.SAFE
-    kept = live_control(ControllerSettings(0.03), limit, ("house", BENCH, "cpu"), rows, simulated=True)
+    kept = recorded(rows, LimitCurve.SAFE)
     assert kept.mean_loss == pytest.approx(0.8 / 5)
     assert kept.mean_factor == pytest.approx(3.8 / 6)
     assert kept.max_rate_ratio == 0.75
@@ -42,9 +49,9 @@ def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
 
 
 def test_a_walk_that_ended_at_once_has_no_means() -> None:
-    limit = load_rate_limit("surace2025"), LimitCurve.FITTED
-    kept = live_control(ControllerSettings(0.03), limit, ("house", BENCH, "cpu"), [], simulated=False)
+    kept = recorded([])
     assert (kept.mean_loss, kept.mean_factor, kept.max_rate_ratio) == (None, None, None)
+    assert dimming_in_words(kept, None, []) == ""
 
 
 def test_the_mean_of_a_single_picture_is_its_own() -> None:
@@ -68,6 +75,6 @@ def test_a_walk_that_gains_nothing_says_so_at_its_end(moves: bool, warned: bool)
         factor = 1 - (0.03 / strength) ** (1 / 1.5) if moves else 0.5
         loss = strength * (1 - factor) ** 1.5
         rows.append(LiveRefresh(k, k / 2, factor, loss, k, factor))
-    walked = WalkResult(tuple(row.flip_time for row in rows), 0, ())
-    assert ("; nothing is gained: the loss varies" in walk_summary("house", walked, rows, None)) is warned
-    assert "nothing is gained" not in walk_summary("house", walked, rows[:100], None)  # under a minute
+    said, soon = (dimming_in_words(recorded(some), None, some) for some in (rows, rows[:100]))
+    assert ("; nothing is gained: the loss varies" in said) is warned
+    assert "nothing is gained" not in soon  # under a minute

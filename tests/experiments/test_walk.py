@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
+from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
 from evenlight.experiments.playback.walk import EYE_HEIGHT, SPEED, Walker, moved, start_in, write_path
-from evenlight.experiments.playback.walk_request import WalkRequest
+from evenlight.experiments.playback.walk_request import require_walk
 from evenlight.stimuli.scenes.content.catalogue import path_named
 from evenlight.stimuli.scenes.engine.model import SceneModel
 from evenlight.stimuli.scenes.engine.scene import Material, Scene
@@ -89,7 +90,7 @@ def test_the_way_is_a_camera_path_that_leads_where_the_walker_was(tmp_path: Path
         assert camera.azimuth == pytest.approx((350.0 + 5.0 * time) % 360, abs=0.1)
 
 
-PLAIN = WalkRequest("house", None, None, None, 1.0, None, 2.0, None, False)
+PLAIN = WalkOptions(scene="house", factor=1.0, seconds=2.0)
 
 
 @pytest.mark.parametrize(
@@ -100,8 +101,10 @@ PLAIN = WalkRequest("house", None, None, None, 1.0, None, 2.0, None, False)
         ({"seconds": -1.0}, "--seconds must be above 0, got -1"),
         ({"seconds": None, "simulate": True}, "give --seconds"),
         ({"record": Path("way.csv")}, r"give a file that ends in \.json"),
+        ({"field_of_view": 500.0}, "--field-of-view must lie in"),
+        ({"rig": "desk.rig.toml", "size": "64x36"}, "the rig has a size of its own"),
     ],
 )
 def test_what_cannot_be_walked_is_refused_in_one_line(changes: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        dataclasses.replace(PLAIN, **changes)
+        require_walk(dataclasses.replace(PLAIN, **changes), LiveOptions())

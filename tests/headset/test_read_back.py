@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from played_in_headset import assert_factor_times_frames, make_yard, play_yard, watch
 
+from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
 from evenlight.experiments.playback.player import PlaybackDevices, open_devices
-from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, walk_as_asked
+from evenlight.experiments.playback.walk_request import walk_as_asked
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
@@ -66,10 +67,9 @@ def test_a_walk_dimmed_live_keeps_to_the_rate_limit_by_the_times_that_the_runtim
     tmp_path: Path,
 ) -> None:
     """Drawn without a graphics card, many refreshes are missed; the true luminances are in the log."""
-    plain = dict.fromkeys(("display", "size", "record", "screenshots"))
-    asked = {"scene": "yard", "rig": "headset", "factor": 0.8, "seconds": 3.0, "simulate": False}
-    live = LiveRequest(0.02, out=tmp_path / "live")
-    said = walk_as_asked(WalkRequest(**plain, **asked, live=live, log=tmp_path / "frames.csv"))
+    files = {"out": tmp_path / "live", "log": tmp_path / "frames.csv"}
+    asked = WalkOptions(scene="yard", rig="headset", factor=0.8, seconds=3.0, **files)
+    said = walk_as_asked(asked, LiveOptions(0.02))
     assert "for both eyes" in said
     logged = list(csv.DictReader((tmp_path / "live" / "live_control.csv").read_text().splitlines()))
     ratios = [abs(float(row["rate_cd_m2_s"])) / float(row["rate_limit_cd_m2_s"]) for row in logged[1:]]

@@ -18,7 +18,8 @@ from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
-from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, walk_as_asked
+from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
+from evenlight.experiments.playback.walk_request import walk_as_asked
 from evenlight.stimuli.scenes.content.catalogue import path_named
 from evenlight.stimuli.sequences import open_video
 
@@ -150,7 +151,6 @@ def test_what_was_walked_until_an_interruption_is_kept(
 
 
 def test_a_first_factor_that_the_controller_may_not_have_is_refused() -> None:
-    live = LiveRequest(target_loss=0.05)
-    asked = WalkRequest("house", None, None, None, 0.1, None, 2.0, None, simulate=True, live=live)
+    asked = WalkOptions(scene="house", factor=0.1, seconds=2.0, simulate=True)
     with pytest.raises(InputError, match=r"--factor of a dimmed walk must lie in 0\.2 to 1, got 0\.1"):
-        walk_as_asked(asked)
+        walk_as_asked(asked, LiveOptions(0.05))

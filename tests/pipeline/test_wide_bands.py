@@ -12,7 +12,8 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import BandKind, RateLimit
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import read_track
-from evenlight.experiments.playback.walk_request import LiveRequest
+from evenlight.experiments.playback.live_record import LiveDimming
+from evenlight.experiments.playback.play_options import LiveOptions
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import require_known
 
@@ -76,14 +77,14 @@ def test_what_uses_it_all_the_same_says_so(command, make_video, tmp_path: Path, 
 def test_a_walk_and_the_python_interface_refuse_it_too(wide: Path) -> None:
     display = load_display("varjo-xr3")
     for use in (
-        lambda: LiveRequest(target_loss=0.05, rate_limit=str(wide)).limit_on(display),
+        lambda: LiveDimming.asked_for(LiveOptions(0.05, rate_limit=str(wide)), display, None),
         lambda: evenlight.optimize("checkerboard", 0.5, rate_limit=wide),
         lambda: evenlight.OnlineController(0.05, rate_limit=wide),
     ):
         with pytest.raises(InputError, match=r"not known well enough.*`accept_wide_band`"):
             use()
-    accepted = LiveRequest(target_loss=0.05, rate_limit=str(wide), accept_wide_band=True)
-    assert accepted.limit_on(display).name == "two people"
+    accepted = LiveOptions(0.05, rate_limit=str(wide), accept_wide_band=True)
+    assert LiveDimming.asked_for(accepted, display, None).limit.name == "two people"
 
 
 def test_a_ratio_of_four_is_the_widest_that_is_used() -> None:
