@@ -9,9 +9,8 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import AbstractContextManager, ExitStack, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -53,16 +52,19 @@ from evenlight.experiments.playback.player import (
     Playback,
     PlaybackDevices,
     Player,
-    flash,
     open_devices,
 )
 from evenlight.experiments.playback.track_refusals import floor_note
-from evenlight.experiments.showing import draw_patch
+from evenlight.experiments.showing import Screen, draw_patch
 from evenlight.experiments.stage import PausePressed
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
 from evenlight.hardware.rig import is_simulated, open_power_meter
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
+from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.method.preset_files import load_power_model
+from evenlight.stimuli.field_renderer import Field
+from evenlight.stimuli.ramp import frame_count
+from evenlight.stimuli.renderers import AnyFieldRenderer
 
 if TYPE_CHECKING:
     import moderngl
@@ -71,23 +73,11 @@ if TYPE_CHECKING:
 SEED = 1  # of a simulated meter's noise
 WITH_SYNC = {"board", "ppk2", "simulated"}  # power meters with a synchronisation input
 PATCH = PhotodiodePatch(Corner.BOTTOM_LEFT)
+FLASH_COUNT, FLASH_SECONDS = 3, 0.5  # bright, and dark between
+DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
 PINGS_AT_ONCE = 5  # the one that took the shortest bounds the clocks' difference best
 # [Hz] From 1000 on, the energy of single frames is within 1 % (docs/decisions/power-synchronisation.md).
 RATES = (1000.0, 500.0, 250.0, 100.0, 50.0, 20.0, 10.0, 5.0, 2.0, 1.0)
-
-
-@dataclass(frozen=True, slots=True)
-class PowerMeasurement:
-    """How power is measured."""
-
-    folder: Path  # where samples, clocks and flips go
-    sample_rate: float | None  # of the meter [Hz]; None for the highest up to 1000 that it has
-    # whether a corner of the picture changes between black and white with every frame, for a photodiode on
-    # the meter's synchronisation input
-    sync_patch: bool
-    track_sha256: str  # of the track
-    simulated: bool  # whether time goes with the flips
-    shown: str = ""  # what the window shows of the video
 
 
 def measure_power(film: FilmOptions, options: PowerOptions) -> Path:
@@ -112,13 +102,6 @@ def measure_power(film: FilmOptions, options: PowerOptions) -> Path:
     if not film.quiet and (note := floor_note(asked.loaded.track, rig)):
         typer.echo(note)
     folder = require_output(options.out)
-    measurement = PowerMeasurement(
-        folder=folder,
-        sample_rate=options.sample_rate_hz,
-        sync_patch=options.sync_patch,
-        track_sha256=asked.loaded.sha256,
-        simulated=film.simulate,
-    )
     order = measured_order(options.passes)
     playback = asked.playback([dimming.value for dimming in order])
     turns = itertools.count(1)
@@ -136,10 +119,11 @@ def measure_power(film: FilmOptions, options: PowerOptions) -> Path:
             noted = None if settings is None else lambda setting: settings.append([setting], to_disk=False)
             opened = open_devices(rig, asked.display, simulated=film.simulate, any_rate=False, noted=noted)
             devices = stack.enter_context(opened)
-            measurement = dataclasses.replace(measurement, shown=asked.shown_on(devices))
+            shown = asked.shown_on(devices)
             if not film.quiet:
-                typer.echo(measurement.shown)
-            whole = play_measured(devices, Player(devices, playback, say), playback, measurement)
+                typer.echo(shown)
+            log = _log(playback, devices, film, options, shown, asked.loaded.sha256)
+            whole = _play_measured(devices, Player(devices, playback, say), options, log, film.simulate)
     except BaseException as error:
         if isinstance(error, Exception | SystemExit):
             raise
@@ -197,32 +181,25 @@ def measured_order(passes: int) -> tuple[Dimming, ...]:
     return tuple(version for turn in turns for version in (*versions[turn:], *versions[:turn]))
 
 
-def play_measured(
-    devices: PlaybackDevices, player: Player, playback: Playback, measurement: PowerMeasurement
+def _play_measured(
+    devices: PlaybackDevices, player: Player, options: PowerOptions, log: PowerLog, simulated: bool
 ) -> bool:
-    """Play a video in the order of its playback and record its power; return whether it came to its end.
-
-    Raises
-    ------
-    InputError
-        If the folder holds a measurement already.
-    InstrumentError
-        If the meter fails; what came before is in the folder.
-    """
-    rig, window = devices.rig, devices.window
+    """Play a video in the order of its playback and record its power; return whether it came to its end."""
+    name, now = devices.rig.power_meter, devices.window.now
+    simulation = _simulation(devices) if simulated or is_simulated(name) else None
+    if simulated and not is_simulated(name):
+        name = "simulated"
     with ExitStack() as stack:
-        simulation = None
-        if measurement.simulated or is_simulated(rig.power_meter):
-            simulation = _simulation(devices)
-        rehearsed = measurement.simulated and not is_simulated(rig.power_meter)
-        name = "simulated" if rehearsed else rig.power_meter
-        meter = stack.enter_context(open_power_meter(name, window.now, simulation))
-        log = _log(playback, devices, measurement, meter.apparatus())
-        panel = simulation.panel if simulation else None
+        meter = stack.enter_context(open_power_meter(name, now, simulation))
+        said = {f"power meter: {key}": value for key, value in meter.apparatus().items()}
+        log = dataclasses.replace(log, apparatus=log.apparatus | said)
         recording = stack.enter_context(
-            PowerRecording(measurement.folder, log, measurement.sample_rate, meter, window.now, panel)
-        )
-        player.observe(_Watcher(recording, playback.order, measurement.sync_patch))
+            PowerRecording(
+                options.out, log, options.sample_rate_hz, meter, now,
+                simulation.panel if simulation else None, patch=options.sync_patch,
+            )
+        )  # fmt: skip
+        player.observe(recording)
         try:
             flash(player.showing, player.fields, recording)
             whole = player.play()
@@ -231,34 +208,9 @@ def play_measured(
         except PausePressed:
             whole = False
         except InstrumentError as error:
-            words = f"`evenlight fit {measurement.folder} --out FOLDER` analyses what was recorded until then"
+            words = f"`evenlight fit {options.out} --out FOLDER` analyses what was recorded until then"
             raise InstrumentError(f"{error}; {words}", error.fault, error.code) from None
         return whole
-
-
-class _Watcher:
-    """Tells a recording what each refresh showed."""
-
-    def __init__(self, recording: PowerRecording, order: Sequence[Dimming], patch: bool) -> None:
-        self._recording, self._order, self._patch = recording, order, patch
-        self._pass = -1
-
-    def begin(self) -> None:
-        """Take note that the video begins, once more."""
-        self._pass += 1
-        self._recording.compare_clocks()
-
-    def before_flip(self, framebuffer: moderngl.Framebuffer, video_frame: int) -> None:
-        """Draw the corner that a photodiode looks at."""
-        level = self._recording.next_sync(self._pass, video_frame)
-        if self._patch:
-            draw_patch(framebuffer, framebuffer.size, PATCH, lit=level)
-
-    def after_flip(self, flip: float, video_frame: int, factor: float, achieved: float) -> None:
-        """Record a refresh."""
-        version = self._order[self._pass].value
-        shown = (flip, video_frame, factor, achieved, self._recording.sync)
-        self._recording.showed(PlayedFlip(self._pass, version, *shown))
 
 
 def _simulation(devices: PlaybackDevices) -> Simulation:
@@ -272,31 +224,49 @@ def _simulation(devices: PlaybackDevices) -> Simulation:
 
 
 def _log(
-    playback: Playback, devices: PlaybackDevices, measurement: PowerMeasurement, meter: dict[str, str]
+    playback: Playback,
+    devices: PlaybackDevices,
+    film: FilmOptions,
+    options: PowerOptions,
+    shown: str,
+    track_sha256: str,
 ) -> PowerLog:
-    """Return what a measurement is."""
+    """Return what a measurement is, but for what its meter says of itself."""
     rig = devices.rig
-    said = devices.window.apparatus() | {f"power meter: {key}": value for key, value in meter.items()}
-    simulated = measurement.simulated or any(is_simulated(n) for n in (rig.power_meter, rig.backlight))
+    simulated = film.simulate or any(is_simulated(name) for name in (rig.power_meter, rig.backlight))
     return PowerLog(
         simulated=simulated,
         video=playback.video.name,
         duration=playback.duration,
         passes=tuple(dimming.value for dimming in playback.order),
-        refresh_rate=devices.rig.refresh_rate,
-        sample_rate=measurement.sample_rate or RATES[0],
+        refresh_rate=rig.refresh_rate,
+        sample_rate=options.sample_rate_hz or RATES[0],
         mean_factor=float(np.mean(playback.factors[Dimming.OURS])),
         baseline_factor=float(playback.factors[Dimming.BASELINE][0]),
-        sync_connected=measurement.sync_patch or (simulated and _has_sync(rig.power_meter)),
-        apparatus=said,
-        provenance=provenance_now(inputs={"track": measurement.track_sha256}),
-        started="" if measurement.simulated else utc_now(),
-        shown=measurement.shown,
+        sync_connected=options.sync_patch or (simulated and _has_sync(rig.power_meter)),
+        apparatus=devices.window.apparatus(),
+        provenance=provenance_now(inputs={"track": track_sha256}),
+        started="" if film.simulate else utc_now(),
+        shown=shown,
     )
 
 
+def flash(on: Screen, fields: AnyFieldRenderer, recording: PowerRecording) -> None:
+    """Show three flashes of white, dark before and after each, and sample the meter after every refresh."""
+    times = itertools.count()
+    for factor in (*(DARK, BRIGHT) * FLASH_COUNT, DARK):
+        for number in range(frame_count(FLASH_SECONDS, on.rig.refresh_rate)):
+            pixels = on.brightness.of_picture(factor)
+            white = float(dimmed_luminance(on.display.peak_luminance, pixels, on.display))
+            on.show(fields, Field(white), next(times))
+            if number == 0:
+                recording.flashed(factor)
+            else:
+                recording.take_samples()
+
+
 class PowerRecording(AbstractContextManager["PowerRecording"]):
-    """The power meter at work beside a player, and the files that it fills.
+    """The power meter at work beside a player, which it observes, and the files that it fills.
 
     Parameters
     ----------
@@ -309,6 +279,9 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
         That of the flips [s].
     panel : SimulatedPanel, optional
         A simulated panel, which is told what is shown.
+    patch : bool, optional
+        Whether a corner of the picture is black or white as the synchronisation line is low or high, for a
+        photodiode on the meter's input.
 
     Raises
     ------
@@ -326,8 +299,11 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
         meter: PowerMeter,
         clock: Callable[[], float],
         panel: SimulatedPanel | None = None,
+        *,
+        patch: bool = False,
     ) -> None:
-        self._meter, self._clock, self._panel = meter, clock, panel
+        self._meter, self._clock, self._panel, self._patch = meter, clock, panel, patch
+        self._order, self._pass = log.passes, -1
         self._sync, self._last_frame = False, (-1, -1)  # pass and video frame
         with ExitStack() as stack:
             log = dataclasses.replace(log, sample_rate=_started(meter, rate))
@@ -340,23 +316,27 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
             self._open = stack.pop_all()
         self.compare_clocks()
 
-    @property
-    def sync(self) -> bool:
-        """Level of the synchronisation line: it changes with every new video frame."""
-        return self._sync
+    def begin(self) -> None:
+        """Take note that the video begins, once more."""
+        self._pass += 1
+        self.compare_clocks()
 
-    def next_sync(self, pass_index: int, video_frame: int) -> bool:
-        """Return the level that the synchronisation line takes with a frame that is about to be shown."""
-        if self._last_frame != (pass_index, video_frame):
-            self._last_frame, self._sync = (pass_index, video_frame), not self._sync
-        return self._sync
+    def before_flip(self, framebuffer: moderngl.Framebuffer, video_frame: int) -> None:
+        """Change the synchronisation line with every new video frame; draw the corner that shows it."""
+        if self._last_frame != (self._pass, video_frame):
+            self._last_frame, self._sync = (self._pass, video_frame), not self._sync
+        if self._patch:
+            draw_patch(framebuffer, framebuffer.size, PATCH, lit=self._sync)
 
-    def showed(self, flip: PlayedFlip) -> None:
-        """Take what a refresh showed, right after it."""
+    def after_flip(self, flip: float, video_frame: int, factor: float, achieved: float) -> None:
+        """Record a refresh, right after it."""
         if self._panel is not None:
-            self._panel.set_backlight(flip.achieved_factor)
-            self._panel.set_sync(flip.sync)
-        self._tables[FLIPS].append([flip], to_disk=False)
+            self._panel.set_backlight(achieved)
+            self._panel.set_sync(self._sync)
+        shown = PlayedFlip(
+            self._pass, self._order[self._pass], flip, video_frame, factor, achieved, self._sync
+        )
+        self._tables[FLIPS].append([shown], to_disk=False)
         self.take_samples()
 
     def flashed(self, factor: float) -> None:
@@ -376,18 +356,14 @@ class PowerRecording(AbstractContextManager["PowerRecording"]):
         Never while a video is played: the answer takes time, and more of it if it gets lost.
         """
         for _ in range(PINGS_AT_ONCE):
-            self._ping()
-
-    def _ping(self) -> None:
-        """Compare the clocks once, if the meter has one of its own."""
-        try:
-            ping = self._meter.ping()
-        except InstrumentError as error:
-            if error.fault not in TRANSIENT:
-                raise
-            return  # there are others; a meter that stays silent is told by its samples
-        if ping is not None:
-            self._tables[CLOCK_PINGS].append([ping], to_disk=False)
+            try:
+                ping = self._meter.ping()
+            except InstrumentError as error:
+                if error.fault not in TRANSIENT:
+                    raise
+                continue  # there are others; a meter that stays silent is told by its samples
+            if ping is not None:
+                self._tables[CLOCK_PINGS].append([ping], to_disk=False)
 
     def close(self) -> None:
         """Stop the meter, write down its last samples, and close the files."""

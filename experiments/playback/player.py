@@ -1,4 +1,4 @@
-"""Plays a video with its track on a window, until it ends or the user ends it; the log of it; and flashes."""
+"""Plays a video with its track on a window, until it ends or the user ends it; and the log of it."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,12 +36,9 @@ from evenlight.hardware.rig_windows import (
     with_headset,
 )
 from evenlight.hardware.simulated.clocks import RefreshClock
-from evenlight.method.contrast.luminance import dimmed_luminance
 from evenlight.stimuli.eyes.surfaces import Surface
-from evenlight.stimuli.field_renderer import Field
 from evenlight.stimuli.page_image import centred_image
-from evenlight.stimuli.ramp import frame_count
-from evenlight.stimuli.renderers import AnyFieldRenderer, field_renderer
+from evenlight.stimuli.renderers import field_renderer
 from evenlight.stimuli.video.video_source import VideoSource
 
 NOISE_SEED = 1  # nothing is compared with another playing: any will do
@@ -70,9 +67,6 @@ HEAD_COLUMNS = (
 )
 NEXT, MENU = "trigger", "menu"  # of a controller
 LOG_SUFFIXES = (".csv", ".jsonl")
-FLASH_COUNT = 3
-FLASH_SECONDS = 0.5  # bright, and dark between
-DARK, BRIGHT = 0.2, 1.0  # brightness factors of the white screen
 
 
 class Dimming(enum.Enum):
@@ -331,38 +325,3 @@ def _head_cells(shown: ShownFrame | None) -> list[Any]:
         return [None] * len(HEAD_COLUMNS)
     said = shown.tracked, shown.focused, shown.visible, shown.late
     return [*shown.head.position, *shown.head.orientation, *said]
-
-
-class FlashWatcher(Protocol):
-    """Who takes note of the flashes."""
-
-    def flashed(self, factor: float) -> None:
-        """Take note of a brightness factor right after it first appeared."""
-
-    def take_samples(self) -> None:
-        """Take what a meter has measured meanwhile, after every refresh."""
-
-
-def flash(on: Screen, fields: AnyFieldRenderer, watcher: FlashWatcher) -> None:
-    """Show three flashes of white, dark before and after each.
-
-    Parameters
-    ----------
-    on : Screen
-        What is shown on.
-    fields : FieldRenderer
-        Draws the field.
-    watcher : FlashWatcher
-        Who takes note of them.
-    """
-    refresh = 0
-    for factor in (*(DARK, BRIGHT) * FLASH_COUNT, DARK):
-        for number in range(frame_count(FLASH_SECONDS, on.rig.refresh_rate)):
-            pixels = on.brightness.of_picture(factor)
-            white = float(dimmed_luminance(on.display.peak_luminance, pixels, on.display))
-            on.show(fields, Field(white), refresh)
-            refresh += 1
-            if number == 0:
-                watcher.flashed(factor)
-            else:
-                watcher.take_samples()

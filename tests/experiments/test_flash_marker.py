@@ -2,7 +2,7 @@
 
 from types import SimpleNamespace
 
-from evenlight.experiments.playback.player import flash
+from evenlight.experiments.playback.measured_play import flash
 from evenlight.method.preset_files import load_display
 
 REFRESH_RATE = 60.0

@@ -45,10 +45,11 @@ def world():
 
 
 def play(recording, clock, refreshes=60):
+    recording.begin()
     for k in range(refreshes):
         clock.wait(1 / 60)
-        level = recording.next_sync(0, k // 2)
-        recording.showed(PlayedFlip(0, "ours", clock.now(), k // 2, 0.5, 0.5, level))
+        recording.before_flip(None, k // 2)
+        recording.after_flip(clock.now(), k // 2, 0.5, 0.5)
 
 
 def test_every_sample_of_the_playing_is_on_the_disk(tmp_path, world):
@@ -59,8 +60,10 @@ def test_every_sample_of_the_playing_is_on_the_disk(tmp_path, world):
     numbers = [sample.sequence for sample in samples]
     assert numbers == sorted(numbers)
     assert 490 <= len(samples) <= 510  # a second at 500 Hz
-    assert len(read_rows(ClockPing, tmp_path / "clock.csv")) == 2 * PINGS_AT_ONCE
+    assert len(read_rows(ClockPing, tmp_path / "clock.csv")) == 3 * PINGS_AT_ONCE
     assert read_json_record(PowerLog, tmp_path / "power_log.json").sample_rate == 500.0
+    flips = read_rows(PlayedFlip, tmp_path / "flips.csv")
+    assert [flip.sync for flip in flips[:6]] == [True, True, False, False, True, True]  # with every frame
 
 
 def test_a_comparison_of_clocks_that_fails_on_its_way_costs_no_sample(tmp_path, world):
@@ -69,7 +72,7 @@ def test_a_comparison_of_clocks_that_fails_on_its_way_costs_no_sample(tmp_path, 
     with PowerRecording(tmp_path, LOG, 500.0, Meter(meter, bad), clock.now, panel) as recording:
         play(recording, clock)
     assert len(read_rows(PowerSample, tmp_path / "power.csv")) >= 490
-    assert len(read_rows(ClockPing, tmp_path / "clock.csv")) == 2 * PINGS_AT_ONCE - len(bad)
+    assert len(read_rows(ClockPing, tmp_path / "clock.csv")) == 3 * PINGS_AT_ONCE - len(bad)
 
 
 def test_a_meter_that_is_asked_for_no_rate_has_the_highest_that_it_takes(tmp_path, world):
