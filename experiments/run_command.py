@@ -247,13 +247,13 @@ def _run_sweep(request: SweepRequest, quiet: bool) -> Path | None:
 def _run_session(request: SessionRequest, quiet: bool) -> None:
     """Run a session with a live view on the experimenter's terminal, and say how it ended."""
     from evenlight.data_schema.recordings.dataset_layout import TRIALS, session_folder
-    from evenlight.experiments.live_view.live_view import live_view
+    from evenlight.experiments.live_view import live_view
     from evenlight.experiments.run_session import run_session
 
     folder = session_folder(request.dataset, request.participant_id, request.session_id)
     with (
         _told_if_interrupted(lambda: f"{_stored_trials(folder / TRIALS)} trials"),
-        live_view(folder, quiet, rehearsal=request.staging.simulated) as show,
+        live_view(folder, quiet) as show,
     ):
         outcome = run_session(
             request,

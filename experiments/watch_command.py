@@ -18,7 +18,7 @@ def watch(
     once: Annotated[bool, typer.Option("--once", help="Show the state once, and end.")] = False,
 ) -> None:
     """Watch a session while it runs, from another terminal: thresholds so far, dropped frames, time left."""
-    from evenlight.experiments.live_view.live_view import watch_session
+    from evenlight.experiments.live_view import watch_session
 
     watch_session(latest_session(dataset, participant, session), once)
 

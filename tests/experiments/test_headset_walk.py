@@ -17,8 +17,9 @@ from evenlight.experiments.playback import player, walk_request
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer, largest_change
 from evenlight.experiments.playback.headset_walk import HeadsetWalk, turned
 from evenlight.experiments.playback.live_dimming import LiveDimmer
+from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
 from evenlight.experiments.playback.walk import SPEED, Walk, Walker
-from evenlight.experiments.playback.walk_request import LiveRequest, WalkRequest, walk_as_asked
+from evenlight.experiments.playback.walk_request import walk_as_asked
 from evenlight.hardware.presentation.headset_link import HeadsetFrame, Pose
 from evenlight.hardware.protocols import InstrumentError, KeyPress
 from evenlight.hardware.rig_files import load_rig
@@ -49,7 +50,7 @@ def _yard(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 def walk_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """Walk in the yard with a script, and return the walk, and what was said of it."""
 
-    def walking(script: HeadsetScript, seconds: float, live: LiveRequest | None = None, **more) -> Walk:
+    def walking(script: HeadsetScript, seconds: float, live: LiveOptions | None = None, **more) -> Walk:
         rig = replace(
             load_rig("simulated-headset")[0], window_size=EYE_SIZE, full_screen=False, eye=Eye.RIGHT
         )
@@ -64,9 +65,8 @@ def walk_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
             return show(walk, *arguments)
 
         monkeypatch.setattr(HeadsetWalk, "_show", shown)
-        plain = dict.fromkeys(("display", "size", "factor", "record", "screenshots"))
-        request = plain | {"scene": "yard", "rig": "headset", "seconds": seconds, "simulate": False} | more
-        walk_as_asked(WalkRequest(**request, live=live or LiveRequest()))
+        asked = WalkOptions(scene="yard", rig="headset", seconds=seconds, **more)
+        walk_as_asked(asked, live or LiveOptions())
         return walks[0]
 
     return walking
@@ -144,8 +144,8 @@ def test_no_step_is_faster_than_the_rate_limit_though_luminance_is_known_late(
         return next_factor(dimmer, now)
 
     monkeypatch.setattr(LiveDimmer, "next_factor", seen)
-    live = LiveRequest(0.02, out=tmp_path / "live")
-    walk = walk_in(RESTLESS, 4.0, live, simulate=simulate, factor=0.8)
+    asked = {"out": tmp_path / "live", "simulate": simulate, "factor": 0.8}
+    walk = walk_in(RESTLESS, 4.0, LiveOptions(0.02), **asked)
     rows = walk.dimmer.rows
     assert max(true) > 1.5 * min(true)
     np.testing.assert_allclose([row.mean_luminance for row in rows], true, rtol=1e-3)
@@ -187,7 +187,7 @@ def test_a_refresh_of_a_dimmed_walk_waits_for_nothing_where_the_graphics_card_me
 
     monkeypatch.setattr(walk_request, "open_meter", NeverDone)
     given = watch(monkeypatch, read=False)
-    walk_in(HeadsetScript(), 0.2, LiveRequest(0.1), simulate=True)
+    walk_in(HeadsetScript(), 0.2, LiveOptions(0.1), simulate=True)
     for one in given[3:]:
         assert dict(one.counts) == {"VertexArray.render": 11, "Framebuffer.read_into": 1, "Buffer.read": 1}
     assert given[0].counts["Framebuffer.read"] == given[0].counts["Texture.read"] == 0
@@ -251,7 +251,7 @@ def test_what_there_is_of_a_walk_is_kept_if_the_runtime_goes_away(walk_in, tmp_p
 
 
 def test_a_headset_dims_by_its_own_dimmer_which_keeps_the_views_that_it_needs(walk_in) -> None:
-    dimmer = walk_in(HeadsetScript(), 0.3, LiveRequest(0.1), simulate=True).dimmer
+    dimmer = walk_in(HeadsetScript(), 0.3, LiveOptions(0.1), simulate=True).dimmer
     assert isinstance(dimmer, HeadsetDimmer)
     assert len(dimmer.rows) > 20
     assert len(dimmer._views) == 3  # of the last picture whose luminance is known, and two later ones
@@ -265,5 +265,5 @@ def test_a_dimmed_walk_is_kept_if_its_last_luminances_cannot_be_taken(
 
     monkeypatch.setattr(HeadsetDimmer, "finish", lost)
     with pytest.raises(InstrumentError, match="the graphics card went away"):
-        walk_in(HeadsetScript(), 0.1, LiveRequest(0.1), log=tmp_path / "log.csv")
+        walk_in(HeadsetScript(), 0.1, LiveOptions(0.1), log=tmp_path / "log.csv")
     assert len((tmp_path / "log.csv").read_text().splitlines()) > 5

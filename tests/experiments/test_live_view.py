@@ -3,7 +3,6 @@
 import dataclasses
 import io
 import json
-import os
 import shutil
 import threading
 import time
@@ -17,7 +16,6 @@ import pytest
 from blind_sessions import SMALL, arguments, rows, written
 from rich.console import Console
 
-from evenlight import progress
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
 from evenlight.data_schema.recordings.ramp import (
@@ -29,11 +27,16 @@ from evenlight.data_schema.recordings.ramp import (
 )
 from evenlight.data_schema.recordings.session import EventKind, SessionEvent, SessionStatus
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
+from evenlight.experiments import live_view as module
 from evenlight.experiments.design_files import load_design
-from evenlight.experiments.live_view import live_view as module
-from evenlight.experiments.live_view.live_view import in_words, live_view, session_view, watch_session
-from evenlight.experiments.live_view.session_so_far import GrowingLog, SessionSoFar
-from evenlight.experiments.live_view.thresholds_so_far import LevelSoFar, ThresholdsSoFar
+from evenlight.experiments.live_view import (
+    LevelSoFar,
+    SessionSoFar,
+    ThresholdsSoFar,
+    in_words,
+    live_view,
+    watch_session,
+)
 from evenlight.experiments.ramp.ramp_observer import MEDIAN_RATE_LIMIT, ObserverPopulation
 from evenlight.experiments.ramp.simulate_ramp import RampSimulation, answered_session, participant_of
 from evenlight.method.preset_files import load_display, load_rate_limit
@@ -69,12 +72,6 @@ def cut(lab: Path, n: int) -> None:
 
 def so_far(lab: Path) -> SessionSoFar:
     return SessionSoFar(session_of(lab))
-
-
-def drawn(session: SessionSoFar, width: int = 80) -> list[str]:
-    console = Console(file=io.StringIO(), width=width, height=24)
-    console.print(session_view(session))
-    return console.file.getvalue().splitlines()
 
 
 # Thresholds
@@ -156,28 +153,27 @@ def levels_after(design: RampDesign, trials: list[Any]) -> list[Any]:
 
 def test_a_rehearsal_is_told_as_its_files_have_it(lab: Path) -> None:
     session = so_far(lab)
-    assert (session.ended, session.state) == (True, "complete")
+    assert in_words(session)[1] == "10 of 10 trials; complete"
     assert (len(session.usable), session.flagged) == (10, 0)
     catches = [t["response"] == "yes" for t in rows(lab) if t["is_catch"] and not t["practice"]]
-    assert session.false_alarms == (sum(catches), len(catches))
-    assert sum(level.n_ramps for level in session.levels) == 8
+    assert in_words(session)[3] == f"false alarms: {sum(catches)} of {len(catches)}"
+    assert sum(level.n_ramps for level in session.thresholds.levels()) == 8
 
 
 def test_a_rehearsal_that_counts_refreshes_does_not_say_that_none_was_dropped(lab: Path) -> None:
     session = so_far(lab)
-    assert session.dropped is None
-    assert "frames dropped: not timed in this rehearsal" in "\n".join(drawn(session))
+    assert "frames dropped: not timed in this rehearsal" in "\n".join(in_words(session))
     session.manifest = dataclasses.replace(session.manifest, apparatus={"clock": "computer"})
     session.trials[3] = dataclasses.replace(session.trials[3], frames_dropped=7)
-    assert session.dropped == 1
-    assert "frames dropped: in 1 trials" in "\n".join(drawn(session))
+    assert "frames dropped: in 1 trials" in "\n".join(in_words(session))
 
 
 def test_a_session_in_its_midst_is_told_with_what_goes_on(lab: Path) -> None:
     """Two for practice, then four of ten."""
     cut(lab, 2 + 4)
     session = so_far(lab)
-    assert (len(session.usable), session.state, session.ended) == (4, "trial 5", False)
+    assert (len(session.usable), session.ended) == (4, False)
+    assert in_words(session)[1].startswith("4 of 10 trials, about ")
 
 
 class HandMade(SessionSoFar):
@@ -198,11 +194,7 @@ class HandMade(SessionSoFar):
         self.trials = [dataclasses.replace(one, trial_index=k) for k in range(done)]
         begun = EventKind.TRIAL_BEGUN
         self.events = [SessionEvent(begun, 10.0 * k, trial_index=k, attempt=1) for k in range(done + 1)]
-        self._thresholds = None
-
-    @property
-    def silence(self) -> float:
-        return 0.0
+        self.thresholds = None
 
 
 def test_the_time_left_is_the_trials_left_at_the_pace_so_far() -> None:
@@ -227,50 +219,46 @@ def test_breaks_and_repeats_are_part_of_the_pace() -> None:
     assert session.seconds_left == pytest.approx(11 * 130 / 9)
 
 
-def test_a_session_that_was_killed_shows_by_its_silence(lab: Path) -> None:
-    cut(lab, 6)
-    assert "nothing new" not in drawn(so_far(lab))[1]
-    before = time.time() - 600
-    os.utime(session_of(lab) / EVENTS, (before, before))
-    assert drawn(so_far(lab))[1].split(",")[-1].strip() == "nothing new for 10 min"
-
-
-@pytest.mark.parametrize(("seen", "words"), [(0, "above 0.500"), (4, "below 2.00"), (2, "0.500 to 2.00")])
+@pytest.mark.parametrize(
+    ("seen", "words"), [(0, "– above 0.500"), (4, "– below 2.00"), (2, "1.00 0.500 to 2.00")]
+)
 def test_of_answers_all_alike_only_a_bound_is_told(seen: int, words: str) -> None:
     """Their threshold is the prior's."""
     level = ("white", 1.0, Direction.DOWN, 5.0)
-    cells = module._cells(LevelSoFar(level, 100.0, 1.0, 0.5, 2.0, 4, seen, latest=False))
-    assert cells[3] == words
-    assert cells[2] == ("1.00" if seen == 2 else "–")
+    session: Any = HandMade(1)
+    known = LevelSoFar(level, 100.0, 1.0, 0.5, 2.0, 4, seen)
+    session.thresholds = SimpleNamespace(latest=level, levels=lambda: [known])
+    assert " ".join(in_words(session)[-2].split()) == f"white 1 * 100 {words} 4"
 
 
 def test_of_a_viewing_experiment_no_answer_is_told() -> None:
     """Who knows how it goes may tell the participant: counts and times alone."""
-    assert drawn(HandMade(3)) == [
+    assert in_words(HandMade(3)) == [
         "rating, participant 01, session 01",
-        "trial 4, about 3 min left",
-        "3 of 20 trials, 0 flagged, frames dropped: in 0 trials",
+        "3 of 20 trials, about 3 min left",
+        "0 flagged, frames dropped: in 0 trials",
     ]
 
 
 # Files that grow
 
 
-def test_a_line_without_its_end_waits_until_it_is_whole(tmp_path: Path) -> None:
-    path = tmp_path / "log.jsonl"
-    log = GrowingLog(path)
-    assert log.new_lines() == []  # there is none yet
-    path.write_bytes(b'{"a": 1}\n{"a": ')
-    assert log.new_lines() == ['{"a": 1}']
-    assert log.new_lines() == []
-    with path.open("ab") as stream:
-        stream.write('"ä"}\n'.encode()[:3])  # in the midst of a letter
-    assert log.new_lines() == []
-    with path.open("ab") as stream:
-        stream.write('"ä"}\n'.encode()[3:])
-    assert log.new_lines() == ['{"a": "ä"}']
-    path.write_bytes(b'{"a": 1}\n')  # a crash tore a line off before it was taken: nothing to take back
-    assert log.new_lines() == []
+def test_a_line_without_its_end_waits_until_it_is_whole(lab: Path) -> None:
+    path, details = session_of(lab) / EVENTS, []
+    session = so_far(lab)
+    before, line = (
+        len(session.events),
+        b'{"kind": "page_shown", "time_s": 1.0, "utc": "", "detail": "\xc3\xa4"}\n',
+    )
+    for part in (line[:-5], line[-5:-3], line[-3:]):  # in the midst of a letter
+        with path.open("ab") as stream:
+            stream.write(part)
+        session.update()
+        details.append([event.detail for event in session.events[before:]])
+    assert details == [[], [], ["ä"]]
+    path.write_bytes(b"")  # a crash tore lines off: nothing to take back
+    session.update()
+    assert len(session.events) == before + 1
 
 
 def test_a_session_is_watched_while_it_grows(
@@ -313,34 +301,35 @@ def test_a_session_of_ten_levels_fits_a_terminal_of_80_columns_and_24_lines(
     design = dataclasses.replace(load_design("paper"), repetitions=1)
     assert command(*arguments(tmp_path / "lab", written(design, tmp_path))).code == 0
     session = so_far(tmp_path / "lab")
-    assert len(session.levels) == 10
-    lines = drawn(session)
+    levels = session.thresholds.levels()
+    assert len(levels) == 10
+    lines = in_words(session)
     assert len(lines) <= 24
-    assert max(map(len, lines)) <= 80
+    assert max(map(len, lines)) <= 60
     text = "\n".join(lines)
     assert "SIMULATED" in lines[0]
-    assert "…" not in text  # nothing is cut off
-    for level in session.levels:
+    for level in levels:
         if level.n_seen in (0, level.n_ramps):
             assert f"above {level.ci_low:#.3g}" in text or f"below {level.ci_high:#.3g}" in text
         else:
             assert f"{level.threshold:#.3g}" in text
             assert f"{level.ci_low:#.3g} to {level.ci_high:#.3g}" in text
-    assert max(map(len, drawn(session, 60))) <= 60
 
 
-def test_of_several_kinds_of_ramp_the_levels_of_the_present_one_are_drawn() -> None:
+def test_of_several_kinds_of_ramp_the_levels_of_the_present_one_are_told() -> None:
     design = dataclasses.replace(SMALL, ramp_durations=(0.5, 2.0), practice_trials=0)
     session: Any = HandMade(1)
-    session._thresholds = ThresholdsSoFar(design)
+    session.thresholds = ThresholdsSoFar(design)
     trials = [trial for trial in answered(design, participants=1) if not trial.is_catch]
     for trial in trials:
-        session._thresholds.take(trial)
-    last = trials[-1].duration
-    n = len({(t.screen, t.factor) for t in trials if t.duration != last})
-    text = "\n".join(drawn(session))
-    assert f"falling within {last:g} s; {n} levels of other ramps" in text
-    assert sum(line.startswith(("white", "gray")) for line in text.splitlines()) == len(session.levels) - n
+        session.thresholds.take(trial)
+    last = trials[-1]
+    lines = in_words(session)
+    assert lines[-1] == f"falling within {last.duration:g} s"
+    of_kind = [(t.screen, t.factor) for t in trials if t.duration == last.duration]
+    told = [tuple(line.split()[:2]) for line in lines if line.startswith(("white", "gray"))]
+    wanted = sorted(set(of_kind), key=lambda level: (level[0] != "white", -level[1]))
+    assert told == [(screen, f"{factor:g}") for screen, factor in wanted]
 
 
 class Terminal(io.StringIO):
@@ -373,7 +362,7 @@ def test_the_terminal_of_a_run_shows_the_session_to_its_end(
     shown = screen.getvalue()
     assert "SIMULATED" in shown
     assert "10 of 10" in shown
-    for level in so_far(tmp_path / "lab").levels:
+    for level in so_far(tmp_path / "lab").thresholds.levels():
         assert f"{level.luminance:.3g}" in shown
 
 
@@ -391,32 +380,14 @@ def test_a_terminal_shows_nothing_of_what_is_refused_or_quiet(
     assert screen.getvalue().count("\n") == (more[0] == "--rig")  # the line that says why
 
 
-def test_without_a_terminal_a_long_session_is_told_in_lines(
-    lab: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
-) -> None:
-    """A line after each minute; a session of less says nothing."""
-    with live_view(session_of(lab), quiet=False) as show:
-        show()
-    assert capsys.readouterr() == ("", "")
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
-    for quiet in (False, True):
-        with live_view(session_of(lab), quiet) as show:
-            show()
-    (line,) = capsys.readouterr().err.splitlines()
-    assert line == f"evenlight: {'; '.join(in_words(so_far(lab)))}"
-    assert line.startswith(
-        "evenlight: ramp, participant 01, session 01, SIMULATED; complete; 10 of 10 trials, 0 "
-    )
-
-
 def test_a_view_that_fails_says_so_once_and_the_session_goes_on(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+    tmp_path: Path, terminal: Callable[[], Terminal]
 ) -> None:
-    monkeypatch.setattr(progress, "INTERVAL", 0.0)
+    screen = terminal()
     with live_view(tmp_path / "nowhere", quiet=False) as show:
         show()
         show()
-    (line,) = capsys.readouterr().err.splitlines()
+    (line,) = screen.getvalue().splitlines()
     assert line.startswith("evenlight: the live view ends, the session goes on: ")
 
 

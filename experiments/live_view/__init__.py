@@ -1,1 +1,0 @@
-"""What the experimenter sees of a session while it runs."""
