@@ -62,7 +62,7 @@ class TaskDeclaration:
     title: str
     design: type[Any]
     trial: type[Any]
-    task: Callable[[SessionSetting], Task[Any]]
+    task: Callable[[SessionSetting], Task]
     pages: Mapping[str, Mapping[str, str]]
     observer: OpenViewing | None = None
     findings: FindingsOf | None = None

@@ -14,16 +14,20 @@ from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Respons
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial, Version
 from evenlight.experiments.chance import Purpose, generator_for
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, Task, TrialPlace
-from evenlight.experiments.stage import Clip, RampInterval, SearchView, Stage
-from evenlight.experiments.viewing.comparison_task import (
-    PlannedComparison,
-    comparison_order,
-    comparison_practice,
+from evenlight.experiments.sessions.task import (
+    ConductedTrial,
+    Participant,
+    SessionSetting,
+    Task,
+    TrialPlace,
+    shown_columns,
 )
+from evenlight.experiments.stage import Clip, RampInterval, SearchView, Stage
+from evenlight.experiments.viewing.comparison_task import comparison_order, comparison_practice
 from evenlight.experiments.viewing.simulated_viewers import Viewing
-from evenlight.experiments.viewing.viewing_task import ClipTask, clip_log, shown_columns
+from evenlight.experiments.viewing.viewing_task import ClipTask, clip_log
 from evenlight.method.contrast.luminance import dimmed_luminance
 
 __all__ = [
@@ -38,7 +42,7 @@ __all__ = [
     "Origin",
     "Pages",
     "Participant",
-    "PlannedComparison",
+    "PlannedTrial",
     "Purpose",
     "RampDesign",
     "RampInterval",

@@ -23,7 +23,7 @@ from evenlight.tasks import (
     ComparisonTrial,
     Keys,
     Origin,
-    PlannedComparison,
+    PlannedTrial,
     Response,
     Section,
     SessionSetting,
@@ -100,7 +100,7 @@ class LooksTrial(Trial):
 
 
 # The order is that of the comparison, counterbalanced. `ClipTask` shows the videos and asks.
-class LooksTask(ClipTask[PlannedComparison]):
+class LooksTask(ClipTask):
     """A session of judgements."""
 
     def __init__(self, setting: SessionSetting) -> None:
@@ -112,7 +112,7 @@ class LooksTask(ClipTask[PlannedComparison]):
         """Return the answer that each key gives."""
         return {keys.first: Response.FIRST, keys.second: Response.SECOND}
 
-    def row(self, planned: PlannedComparison, answer: Response, columns: dict[str, Any]) -> LooksTrial:
+    def row(self, planned: PlannedTrial, answer: Response, columns: dict[str, Any]) -> LooksTrial:
         """Return the record of a judgement."""
         mean_factor = self.stimuli[planned.sequence].mean_factor(Version.OURS)
         return LooksTrial(**planned.columns, **columns, mean_factor=mean_factor, response=answer)
@@ -136,7 +136,7 @@ class Judges(Viewing):
         """Return a participant."""
         return Judge(float(rng.beta(8, 3)))
 
-    def answer(self, person: Judge, planned: PlannedComparison, rng: np.random.Generator) -> Response:
+    def answer(self, person: Judge, planned: PlannedTrial, rng: np.random.Generator) -> Response:
         """Return which of the two looks better."""
         prefers_ours = rng.random() < person.preference
         return Response.FIRST if prefers_ours == (planned.ours_interval == 1) else Response.SECOND

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_bytes
@@ -41,7 +40,7 @@ class Experiment:
     """
 
     title: str
-    task: Callable[[SessionSetting], Task[Any]]
+    task: Callable[[SessionSetting], Task]
     viewing: OpenViewing | None
     shows_videos: bool = True
     pages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)

@@ -92,8 +92,9 @@ class ThresholdsSoFar:
             ramps, masses = self._ramps[level], self._beliefs.posterior(level).sum(axis=(1, 2, 3))
             ends = np.interp(INTERVAL, np.append(0.0, np.cumsum(masses)), edges)
             rates = self._lowest(ramps[-1]) * np.exp([grid.thresholds @ masses, *ends])
+            threshold, low, high = rates.tolist()
             light, seen = ramps[-1].initial_luminance, sum(trial.success for trial in ramps)
-            levels.append(LevelSoFar(level, light, *rates.tolist(), len(ramps), seen))
+            levels.append(LevelSoFar(level, light, threshold, low, high, len(ramps), seen))
         return levels
 
     def _lowest(self, trial: RampTrial) -> float:
@@ -126,19 +127,20 @@ class SessionSoFar:
         self.events += self._new(EVENTS, SessionEvent)
         new = self._new(TRIALS, TASKS[self.manifest.task].trial)
         self.trials += new
-        for trial in new if self.thresholds else ():
-            self.thresholds.take(trial)
+        if self.thresholds is not None:
+            for trial in new:
+                self.thresholds.take(trial)
 
     def _new(self, name: str, cls: type[Any]) -> list[Any]:
         """Return the new records of a log, one a line; a line without its end waits until it is whole."""
-        path = self._folder / name
+        path, where = self._folder / name, str(self._folder / name)
         if not path.exists() or path.stat().st_size <= self._taken[name]:
             return []
         content = path.read_bytes()[self._taken[name] :]
         whole = content[: content.rfind(b"\n") + 1]
         self._taken[name] += len(whole)
         lines = [line for line in whole.decode(errors="replace").split("\n") if line.strip()]
-        return [record_from_mapping(cls, parse_json(line, str(path), cls.__name__), path) for line in lines]
+        return [record_from_mapping(cls, parse_json(line, where, cls.__name__), where) for line in lines]
 
     @property
     def ended(self) -> bool:

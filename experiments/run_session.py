@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -226,7 +225,7 @@ def _run(
 
 
 def _told_to_operator(
-    request: SessionRequest, task: Task[Any], stage: Stage, report: Callable[[int], None]
+    request: SessionRequest, task: Task, stage: Stage, report: Callable[[int], None]
 ) -> Callable[[int], None]:
     """Return a report that also tells the operator of a headset how far the session is."""
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
 from evenlight.experiments.ramp.ramp_observer import REFERENCE_DURATION, SimulatedObserver
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
 
 PRIOR_WIDTH = 1.6  # ln(rate), median of the fit's prior (docs/decisions/threshold-definition.md)
@@ -57,7 +57,7 @@ class Lapsing(SimulatedObserver):
 class WeibullShaped(SimulatedObserver):
     """Somebody with a Weibull function of the rate, of the logistic one's threshold and slope there."""
 
-    def answer(self, ramp: PlannedRamp, rng: np.random.Generator) -> Response:
+    def answer(self, ramp: PlannedTrial, rng: np.random.Generator) -> Response:
         """Return the answer to a trial of two intervals."""
         function = self.function_at(
             ramp.level.luminance, Procedure.TWO_INTERVAL, ramp.direction, ramp.duration

@@ -21,7 +21,8 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp, ramp_levels
+from evenlight.experiments.ramp.ramp_plan import ramp_levels
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import AnswersOf, SessionSetting
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import PsychometricFunction, two_interval_function, yes_probability
@@ -118,12 +119,12 @@ class SimulatedObserver:
         )
         return two_interval_function(yes_no) if procedure is Procedure.TWO_INTERVAL else yes_no
 
-    def answer(self, ramp: PlannedRamp, rng: np.random.Generator) -> Response:
+    def answer(self, ramp: PlannedTrial, rng: np.random.Generator) -> Response:
         """Return the answer to a trial: "did it change?", or, if it has two intervals, "in which?".
 
         Parameters
         ----------
-        ramp : PlannedRamp
+        ramp : PlannedTrial
             The trial.
         rng : numpy.random.Generator
             Chance; `answer_generator` gives each trial its own.
@@ -213,7 +214,7 @@ class RampAnswers:
             Response.SECOND: keys.second,
         }
 
-    def key(self, planned: PlannedRamp, trial_index: int) -> str:
+    def key(self, planned: PlannedTrial, trial_index: int) -> str:
         """Return the key that is pressed when a trial is asked about."""
         response = self._observer.answer(planned, answer_generator(*self._session, trial_index))
         return self._key_of[response]

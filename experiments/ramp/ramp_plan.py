@@ -11,11 +11,11 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.ramp import Direction, Placement, Procedure, RampDesign
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.contrast.luminance import dimmed_luminance, displayed_luminance
 
 SHORTEST_PASS = 8  # ramps: in shorter ones, the last trials of each could be foretold
@@ -38,43 +38,6 @@ class RampCondition:
     screen: str
     direction: Direction
     duration: float
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedRamp:
-    """A trial of the session, not yet answered."""
-
-    level: RampLevel  # where it sets out
-    rate: float  # rate of change [cd/m^2/s], at least 0 whichever way the luminance goes; 0 in a catch trial
-    final_luminance: float  # where it ends [cd/m^2]
-    direction: Direction = Direction.DOWN  # which way the luminance goes, or would go in a catch trial
-    duration: float = 5.0  # of the ramp [s]
-    ramp_interval: int | None = None  # which of two intervals holds the ramp, 1 or 2; None in yes/no
-    block: int = 1  # from 1; 0 for practice
-    practice: bool = False  # whether it is left out of the analysis
-
-    @property
-    def is_catch(self) -> bool:
-        """Whether nothing changes."""
-        return self.rate == 0
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        """What the row of the answered trial says of it, by the attributes of `RampTrial`."""
-        return {
-            "screen": self.level.screen,
-            "factor": self.level.factor,
-            "initial_luminance": self.level.luminance,
-            "final_luminance": self.final_luminance,
-            "rate": self.rate,
-            "duration": self.duration,
-            "is_catch": self.is_catch,
-            "procedure": Procedure.TWO_INTERVAL if self.ramp_interval else Procedure.YES_NO,
-            "direction": self.direction,
-            "ramp_interval": self.ramp_interval,
-            "practice": self.practice,
-            "block": self.block,
-        }
 
 
 def ramp_levels(design: RampDesign, display: Display) -> tuple[RampLevel, ...]:
@@ -139,52 +102,54 @@ def planned_ramp(
     *,
     ramp_interval: int | None = None,
     block: int = 0,
-) -> PlannedRamp:
+) -> PlannedTrial:
     """Return a trial at a level: the luminance changes linearly at a rate [cd/m^2/s]; block 0 is practice.
+
+    Its row is that of `RampTrial`: the rate is at least 0 whichever way the luminance goes, and 0 in a catch
+    trial; `ramp_interval` says which of two intervals holds the ramp, 1 or 2, and is None in yes/no. Its
+    `level` is kept too.
 
     >>> white = RampLevel("white", 1.0, 100.0)
     >>> planned_ramp(white, RampCondition("white", Direction.DOWN, 5.0), 2.0, block=1).final_luminance
     90.0
     """
     change = rate * condition.duration * (1 if condition.direction is Direction.UP else -1)
-    return PlannedRamp(
-        level=level,
-        rate=rate,
+    return PlannedTrial(
+        {"level": level},
+        screen=level.screen,
+        factor=level.factor,
+        initial_luminance=level.luminance,
         final_luminance=level.luminance + change,
-        direction=condition.direction,
+        rate=rate,
         duration=condition.duration,
+        is_catch=rate == 0,
+        procedure=Procedure.TWO_INTERVAL if ramp_interval else Procedure.YES_NO,
+        direction=condition.direction,
         ramp_interval=ramp_interval,
-        block=block,
         practice=block == 0,
+        block=block,
     )
 
 
-@dataclass(frozen=True, slots=True)
-class Slot:
-    """One trial of the plan, whose rate adaptive placement leaves open."""
-
-    number: int  # place in the plan, from 0
-    block: int  # from 1
-    level: RampLevel  # where it sets out
-    condition: RampCondition  # screen, direction and duration
-    is_catch: bool = False  # whether nothing changes
-    # which of the design's rates; None where adaptive placement decides, and in a catch trial
-    rate_index: int | None = None
-    ramp_interval: int | None = None  # which of two intervals holds the ramp; None in yes/no
+def _slot(
+    level: RampLevel,
+    *,
+    is_catch: bool = False,
+    rate_index: int | None = None,
+    ramp_interval: int | None = None,
+) -> PlannedTrial:
+    """Return a trial of the plan, but for its place: which of the design's rates, if any is decided."""
+    shown = {"level": level, "rate_index": rate_index}
+    return PlannedTrial(shown, is_catch=is_catch, ramp_interval=ramp_interval)
 
 
-@dataclass(frozen=True, slots=True)
-class _Cell:
-    """What a pass shows: a level, at a rate or at one that is left open; all but the place of a slot."""
+def session_plan(
+    design: RampDesign, display: Display, seed: int, order_index: int
+) -> tuple[PlannedTrial, ...]:
+    """Return the trials of a session in order, whose rates adaptive placement leaves open.
 
-    level: RampLevel
-    is_catch: bool = False
-    rate_index: int | None = None
-    ramp_interval: int | None = None
-
-
-def session_plan(design: RampDesign, display: Display, seed: int, order_index: int) -> tuple[Slot, ...]:
-    """Return the trials of a session in order.
+    Each has its `number`, from 0, `block`, from 1, `level`, `condition`, `is_catch`, `ramp_interval` and
+    `rate_index`: which of the design's rates, None in a catch trial and where the answers decide.
 
     Parameters
     ----------
@@ -197,20 +162,10 @@ def session_plan(design: RampDesign, display: Display, seed: int, order_index: i
     """
     conditions = ramp_conditions(design)
     catches = _catches_by_condition(design, display, seed, order_index)
-    slots: list[Slot] = []
+    slots: list[PlannedTrial] = []
     for block, which in enumerate(williams_row(len(conditions), order_index), start=1):
-        for cell in _block(design, display, which, catches[which], (seed, order_index)):
-            slots.append(
-                Slot(
-                    number=len(slots),
-                    block=block,
-                    level=cell.level,
-                    condition=conditions[which],
-                    is_catch=cell.is_catch,
-                    rate_index=cell.rate_index,
-                    ramp_interval=cell.ramp_interval,
-                )
-            )
+        for slot in _block(design, display, which, catches[which], (seed, order_index)):
+            slots.append(slot.but(number=len(slots), block=block, condition=conditions[which]))
     return tuple(slots)
 
 
@@ -246,17 +201,17 @@ def _block(
     which: int,
     catches: Sequence[RampLevel],
     session: tuple[int, int],
-) -> list[_Cell]:
+) -> list[PlannedTrial]:
     """Return the trials of a block in order: passes, each shuffled, with their share of the catch trials."""
     passes = _passes(_ramps(design, display, which, session))
     total = sum(map(len, passes))
     offset = float(generator_for(*session, Purpose.CATCH_PLACES, which).random())
-    trials: list[_Cell] = []
+    trials: list[PlannedTrial] = []
     shown = caught = 0
     for number, ramps in enumerate(passes):
         shown += len(ramps)
         due = math.floor(len(catches) * shown / total + offset) if shown < total else len(catches)
-        mixed = [*ramps, *(_Cell(level, is_catch=True) for level in catches[caught:due])]
+        mixed = [*ramps, *(_slot(level, is_catch=True) for level in catches[caught:due])]
         caught = due
         order = generator_for(*session, Purpose.ORDER, which, number).permutation(len(mixed))
         trials += [mixed[i] for i in order]
@@ -265,7 +220,7 @@ def _block(
 
 def _ramps(
     design: RampDesign, display: Display, which: int, session: tuple[int, int]
-) -> list[tuple[_Cell, ...]]:
+) -> list[tuple[PlannedTrial, ...]]:
     """Return the ramps of a block, one tuple for each repetition of all cells."""
     levels = levels_of(design, display, ramp_conditions(design)[which])
     constant = design.placement is Placement.CONSTANT
@@ -275,12 +230,12 @@ def _ramps(
     for number, (level, rate_index) in enumerate(itertools.product(levels, rate_indices)):
         intervals = _intervals(design, repetitions, session, (which, number))
         columns.append(
-            [_Cell(level, rate_index=rate_index, ramp_interval=interval) for interval in intervals]
+            [_slot(level, rate_index=rate_index, ramp_interval=interval) for interval in intervals]
         )
     return list(zip(*columns, strict=True))
 
 
-def _passes(repetitions: list[tuple[_Cell, ...]]) -> list[list[_Cell]]:
+def _passes(repetitions: list[tuple[PlannedTrial, ...]]) -> list[list[PlannedTrial]]:
     """Return the passes: as many repetitions in each as make it long enough."""
     together = math.ceil(SHORTEST_PASS / len(repetitions[0]))
     return [

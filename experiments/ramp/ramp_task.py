@@ -20,9 +20,10 @@ from evenlight.data_schema.recordings.ramp import (
 )
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp, ramp_levels
+from evenlight.experiments.ramp.ramp_plan import ramp_levels
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
 from evenlight.experiments.sessions.dropped_frames import CHECK_SECONDS, FrameDemand, require_few_drops
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.task import (
     ConductedTrial,
@@ -31,6 +32,8 @@ from evenlight.experiments.sessions.task import (
     SessionSetting,
     Task,
     TrialPlace,
+    shown_columns,
+    shown_log,
 )
 from evenlight.experiments.stage import RampInterval, ShownInterval, Stage
 from evenlight.method.contrast.luminance import displayed_luminance
@@ -40,7 +43,7 @@ from evenlight.stimuli.ramp import frame_count, reachable_luminances
 LARGEST_STEP = 1.5  # either way, between an interval and a gap: far more than the change at any threshold
 
 
-class RampTask(Task[PlannedRamp]):
+class RampTask(Task):
     """The ramp experiment: a schedule of ramps, shown on a stage.
 
     Parameters
@@ -59,7 +62,6 @@ class RampTask(Task[PlannedRamp]):
     def __init__(self, setting: SessionSetting) -> None:
         design: Any = setting.design
         levels = [level.luminance for level in ramp_levels(design, setting.display)]
-        super().__init__(setting, (), neutral_luminance=float(np.exp(np.mean(np.log(levels)))))
         self._schedule = RampSchedule(
             design,
             setting.display,
@@ -67,7 +69,8 @@ class RampTask(Task[PlannedRamp]):
             setting.rig.actuator,
             smallest_factor=setting.smallest_factor,
         )
-        self.n_trials = self._schedule.n_trials
+        neutral = float(np.exp(np.mean(np.log(levels))))
+        super().__init__(setting, self._schedule, neutral_luminance=neutral)
         if design.practice_correct:
             self.practice_rule = PracticeRule(design.practice_trials, design.practice_correct)
         steps = design.interval_gap_kind is IntervalGap.RANDOM_STEPS
@@ -106,23 +109,10 @@ class RampTask(Task[PlannedRamp]):
 
         require_few_drops(show, FrameDemand(trials, "max_dropped_frames"), rate)
 
-    def practice(self) -> Sequence[PlannedRamp]:
+    def practice(self) -> Sequence[PlannedTrial]:
         """Return the trials for practice: of one round, or of all that a criterion allows."""
         rounds = self.design.practice_rounds if self.practice_rule else 1
         return [ramp for number in range(rounds) for ramp in self._schedule.practice(number)]
-
-    def next_trial(self) -> PlannedRamp | None:
-        """Return the ramp to be shown next, or None at the end."""
-        return self._schedule.next_trial()
-
-    @property
-    def n_left(self) -> int:
-        """Trials still to come, as far as is known."""
-        return self._schedule.n_left
-
-    def take(self, trial: RampTrial) -> None:
-        """Take an answered trial."""
-        self._schedule.take(trial)
 
     def is_right(self, trial: RampTrial) -> bool:
         """Return whether a change was detected, or none reported where there was none."""
@@ -145,7 +135,7 @@ class RampTask(Task[PlannedRamp]):
         return {keys.yes: Response.YES, keys.no: Response.NO}
 
     def conduct(
-        self, planned: PlannedRamp, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+        self, planned: PlannedTrial, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show a ramp, in one of two intervals if the design has two, and ask about it."""
         noise_seed = self.noise_seed(place)
@@ -166,12 +156,26 @@ class RampTask(Task[PlannedRamp]):
         stage.wait(self.design.interval_gap if gaps else 0.0, ground, pixel_value)
         participant.see_trial(planned, place.trial_index)
         press = stage.ask(question, list(answers), ground)
-        logs = tuple(_frame_log(place, number, part) for number, part in enumerate(shown, start=1))
-        answer = {"response": answers[press.name], "response_time": press.time, "noise_seed": noise_seed}
-        return ConductedTrial(self._row(planned, place, shown, logs, answer), logs)
+        logs = tuple(shown_log(FrameLog, place, number, part) for number, part in enumerate(shown, start=1))
+        columns = shown_columns(place, shown, noise_seed, max_dropped_share=1.0)
+        if columns["frames_dropped"] > self.design.max_dropped_frames:
+            columns["flag"] = TrialFlag.DROPPED_FRAMES
+        ramp = shown[(planned.ramp_interval or 1) - 1]
+        if probes := ramp.probe_luminance:
+            columns |= {
+                "drawn_initial_luminance": probes[0],
+                "drawn_final_luminance": probes[-1],
+                "largest_luminance_error": max(log.largest_error for log in logs),
+            }
+        trial = self.row(planned, answers[press.name], columns | {"response_time": press.time})
+        return ConductedTrial(trial, logs)
+
+    def row(self, planned: PlannedTrial, answer: Response, columns: dict[str, Any]) -> RampTrial:
+        """Return the record of an answered ramp."""
+        return RampTrial(**planned.columns, **columns, response=answer)
 
     def _gaps(
-        self, planned: PlannedRamp, place: TrialPlace, intervals: list[RampInterval]
+        self, planned: PlannedTrial, place: TrialPlace, intervals: list[RampInterval]
     ) -> list[tuple[float, ...]]:
         """Return the luminances before, between and after two intervals [cd/m^2].
 
@@ -193,7 +197,7 @@ class RampTask(Task[PlannedRamp]):
         before = [level.luminance, *(interval.final_luminance for interval in intervals)]
         return [(last * out, level.luminance * into) for last, (out, into) in zip(before, steps, strict=True)]
 
-    def _intervals(self, planned: PlannedRamp, noise_seed: int) -> list[RampInterval]:
+    def _intervals(self, planned: PlannedTrial, noise_seed: int) -> list[RampInterval]:
         """Return what is shown: the ramp, or the ramp and a constant field in the planned order.
 
         With a steady gap a constant field after the ramp has the luminance at which the ramp ended.
@@ -218,7 +222,7 @@ class RampTask(Task[PlannedRamp]):
             for number, (initial, final) in enumerate(ends, start=1)
         ]
 
-    def _mark_contrast(self, planned: PlannedRamp) -> float:
+    def _mark_contrast(self, planned: PlannedTrial) -> float:
         """Return the contrast of the mark in all intervals of a trial; 0 for none."""
         if not self.design.fixation_mark:
             return 0.0
@@ -226,47 +230,3 @@ class RampTask(Task[PlannedRamp]):
         if self.rig.actuator is Actuator.BACKLIGHT:  # pixels draw the screen at full brightness
             drawn = float(displayed_luminance(planned.level.pixel_value, self.setting.display))
         return mark_contrast(drawn, self.setting.display)
-
-    def _row(
-        self,
-        planned: PlannedRamp,
-        place: TrialPlace,
-        shown: list[ShownInterval],
-        logs: Sequence[FrameLog],
-        answer: dict[str, Any],
-    ) -> RampTrial:
-        """Return the row of an answered trial."""
-        ramp = shown[(planned.ramp_interval or 1) - 1]
-        probes = ramp.probe_luminance
-        dropped = sum(part.frames_dropped for part in shown)
-        too_many = dropped > self.design.max_dropped_frames
-        return RampTrial(
-            participant_id=place.participant_id,
-            session_id=place.session_id,
-            trial_index=place.trial_index,
-            simulated=place.simulated,
-            attempt=place.attempt,
-            onset=shown[0].onset,
-            n_frames=sum(len(part.flip_times) for part in shown),
-            frames_dropped=dropped,
-            drawn_initial_luminance=probes[0] if probes else None,
-            drawn_final_luminance=probes[-1] if probes else None,
-            largest_luminance_error=max(log.largest_error for log in logs) if probes else None,
-            flag=TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
-            **planned.columns,
-            **answer,
-        )
-
-
-def _frame_log(place: TrialPlace, interval: int, shown: ShownInterval) -> FrameLog:
-    """Return what the display showed of an interval, as a record."""
-    return FrameLog(
-        trial_index=place.trial_index,
-        attempt=place.attempt,
-        interval=interval,
-        flip_times=shown.flip_times,
-        intended_luminance=shown.intended_luminance,
-        probe_frames=shown.probe_frames,
-        probe_luminance=shown.probe_luminance,
-        backlight_factors=shown.backlight_factors,
-    )

@@ -31,7 +31,6 @@ from evenlight.experiments.ramp.ramp_observer import (
     draw_observer,
 )
 from evenlight.experiments.ramp.ramp_plan import (
-    PlannedRamp,
     RampCondition,
     RampLevel,
     levels_of,
@@ -39,6 +38,7 @@ from evenlight.experiments.ramp.ramp_plan import (
     ramp_levels,
 )
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.preset_files import load_rate_limit
 
 SESSION = "01"
@@ -163,7 +163,7 @@ def answered_session(
     return trials
 
 
-def _row(ramp: PlannedRamp, participant: str, trial_index: int, response: Response) -> RampTrial:
+def _row(ramp: PlannedTrial, participant: str, trial_index: int, response: Response) -> RampTrial:
     """Return the record of an answered trial."""
     return RampTrial(
         participant_id=participant,

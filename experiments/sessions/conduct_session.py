@@ -28,7 +28,7 @@ from evenlight.experiments.stage import PausePressed, SessionStopped, SkipPresse
 class SessionParts:
     """Who and what takes part in a session."""
 
-    task: Task[Any]  # the experiment
+    task: Task  # the experiment
     stage: Stage  # where it is shown
     participant: Participant  # who answers
     pages: Pages  # what is said

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
-from collections.abc import Sequence
-from typing import Any, Generic, Protocol, TypeVar
+from collections.abc import Mapping, Sequence
+from types import SimpleNamespace
+from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.ramp import TrialFlag
@@ -16,54 +16,72 @@ FEWEST_SHOWINGS = 2  # one may be a hiccup of the computer
 SAME = 1e-9  # relative, of a number that was computed and written
 
 
-class PlannedTrial(Protocol):
-    """A trial of a fixed order."""
+class PlannedTrial(SimpleNamespace):
+    """A trial that is to come: the columns of its row that are known before, and what only showing it needs.
 
-    @property
-    def block(self) -> int:
-        """Of the session, from 1; 0 for practice."""
+    Parameters
+    ----------
+    shown : mapping, optional
+        What only showing it needs.
+    **columns
+        Of its row, by the names of the trial's fields. `block`, from 1 and 0 for practice, is among them.
 
-    @property
-    def columns(self) -> dict[str, Any]:
-        """What of its row is known before it is shown."""
+    >>> planned = PlannedTrial({"seconds": 2.0}, sequence="gym", block=1)
+    >>> planned.sequence, planned.seconds, planned.columns
+    ('gym', 2.0, {'sequence': 'gym', 'block': 1})
+    """
+
+    def __init__(self, shown: Mapping[str, Any] | None = None, /, **columns: Any) -> None:
+        super().__init__(**(shown or {}), **columns)
+        self._shown, self.columns = dict(shown or {}), columns
+
+    def but(self, **columns: Any) -> PlannedTrial:
+        """Return the same trial with some other columns, or more of them."""
+        return PlannedTrial(self._shown, **{**self.columns, **columns})
 
 
-Planned = TypeVar("Planned", bound=PlannedTrial)
-
-
-class FixedOrder(Generic[Planned]):
+class FixedOrder:
     """Hands out trials in their order; a flagged one comes again at the end, if it is to.
 
     Parameters
     ----------
-    trials : sequence of planned trials
+    trials : sequence of PlannedTrial
         In their order.
     repeat_flagged : bool
         Whether a flagged trial is shown again, at most three times in all, until a quarter of the trials
         was shown again; none is where every showing so far was flagged, for it would be flagged too.
     """
 
-    def __init__(self, trials: Sequence[Planned], repeat_flagged: bool) -> None:
-        self._queue: list[tuple[Planned, int]] = [(trial, 1) for trial in trials]
+    gives_up = True  # where every showing so far was flagged
+
+    def __init__(self, trials: Sequence[PlannedTrial], repeat_flagged: bool) -> None:
+        self._queue = [(trial, 1) for trial in trials]
         self._repeat_flagged = repeat_flagged
         self._place = self._dropped = 0
         self._last_block = max((trial.block for trial in trials), default=0)
+        self._next: PlannedTrial | None = None
         self.n_trials = len(self._queue)
 
-    def next_trial(self) -> Planned | None:
+    def next_trial(self) -> PlannedTrial | None:
         """Return the trial that comes next, the same until `take` is called; None when all are done."""
         return self._queued() if self.n_left else None
 
     @property
     def n_left(self) -> int:
         """Trials still to come, as far as is known."""
-        hopeless = self._dropped == self._place >= FEWEST_SHOWINGS
+        hopeless = self.gives_up and self._dropped == self._place >= FEWEST_SHOWINGS
         most = self.n_trials + (0 if hopeless else most_repeats(self.n_trials))
         return max(min(len(self._queue), most) - self._place, 0)
 
-    def _queued(self) -> Planned | None:
+    def _queued(self) -> PlannedTrial | None:
         """Return the trial that is next in the queue, of which not all may be shown."""
-        return self._queue[self._place][0] if self._place < len(self._queue) else None
+        if self._next is None and self._place < len(self._queue):
+            self._next = self._completed(self._queue[self._place][0])
+        return self._next
+
+    def _completed(self, planned: PlannedTrial) -> PlannedTrial:
+        """Return a trial that is about to be shown with all that the answers so far say of it."""
+        return planned
 
     def take(self, trial: Any) -> None:
         """Take an answered trial, just given or read from an interrupted session.
@@ -78,17 +96,16 @@ class FixedOrder(Generic[Planned]):
         if planned is None or different:
             raise InputError(
                 f"trial {trial.trial_index} of participant {trial.participant_id} is not the one that "
-                f"design, stimuli and seed of the session say ({', '.join(different)}); a session goes on "
-                "only with those it began with"
+                f"design, display, stimuli and seed of the session say ({', '.join(different)}); a session "
+                "goes on only with those it began with"
             )
-        showings = self._queue[self._place][1]
-        self._place += 1
+        queued, showings = self._queue[self._place]
+        self._place, self._next = self._place + 1, None
         # What is left out for having been seen before would only be seen once more.
         dropped = trial.flag is TrialFlag.DROPPED_FRAMES
         self._dropped += dropped
         if dropped and self._repeat_flagged and showings < MAX_SHOWINGS:
-            again = dataclasses.replace(planned, block=self._last_block + 1)  # type: ignore[type-var] # a dataclass
-            self._queue.append((again, showings + 1))
+            self._queue.append((queued.but(block=self._last_block + 1), showings + 1))
 
 
 def _differences(trial: Any, columns: dict[str, Any]) -> list[str]:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from typing import Any, Generic, Protocol, cast
+from dataclasses import dataclass, fields
+from typing import Any, Protocol, TypeVar, cast
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -12,7 +12,8 @@ from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.sessions.fixed_order import FixedOrder, Planned
+from evenlight.experiments.sessions.dropped_frames import ShownStimulus
+from evenlight.experiments.sessions.fixed_order import FixedOrder, PlannedTrial
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.stage import Stage
 from evenlight.experiments.stimulus_folder import LoadedStimulus
@@ -22,6 +23,7 @@ LARGEST_SEED = 2**31
 READING_TIME = 0.5  # [s] a simulated participant looks at a page
 ANSWERING_TIME = (0.4, 0.9)  # [s] shortest, and mean of what comes on top (choice: practised people)
 PressKey = Callable[[str, float], None]
+Log = TypeVar("Log")
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +43,36 @@ class ConductedTrial:
 
     trial: Any  # its row
     frames: tuple[Any, ...]  # what the display showed, one for each interval; empty without a display
+
+
+def shown_columns(
+    place: TrialPlace, shown: Sequence[ShownStimulus], noise_seed: int, max_dropped_share: float
+) -> dict[str, Any]:
+    """Return the columns of a row that say whose it is, and how it was shown."""
+    refreshes = sum(len(part.flip_times) for part in shown)
+    dropped = sum(part.frames_dropped for part in shown)
+    too_many = dropped > max_dropped_share * (refreshes + dropped)
+    return {
+        "participant_id": place.participant_id,
+        "session_id": place.session_id,
+        "trial_index": place.trial_index,
+        "simulated": place.simulated,
+        "attempt": place.attempt,
+        "onset": shown[0].onset,
+        "noise_seed": noise_seed,
+        "n_frames": refreshes,
+        "frames_dropped": dropped,
+        "flag": TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
+    }
+
+
+def shown_log(kind: type[Log], place: TrialPlace, interval: int, shown: ShownStimulus) -> Log:
+    """Return what the display showed of an interval, as a record of a kind with fields of the same names."""
+    made: Any = kind
+    names, there = ({field.name for field in fields(each)} for each in (made, cast(Any, shown)))
+    same = {name: getattr(shown, name) for name in names & there}
+    log: Log = made(trial_index=place.trial_index, attempt=place.attempt, interval=interval, **same)
+    return log
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,17 +105,17 @@ class Participant(Protocol):
         """Be about to search a scene."""
 
 
-class Task(Generic[Planned]):
+class Task:
     """An experiment: its trials in order, how one is conducted, and what is said about it.
 
     A task has `conduct`, and what it needs of `minutes`, `prepare`, `is_right`, `feedback`, `key_answers` and
-    `row`. One whose next trial depends on the answers so far has its own `next_trial`, `take` and `n_left`.
+    `row`. One whose next trial depends on the answers so far hands in an order of its own.
 
     Parameters
     ----------
     setting : SessionSetting
         What the session is made from.
-    order, practice : sequence of planned trials
+    order, practice : sequence of PlannedTrial
         Those of the session, and those for practice, in their order.
     neutral_luminance : float
         Of pages, and of uniform fields that are no stimulus [cd/m^2].
@@ -108,14 +140,16 @@ class Task(Generic[Planned]):
     def __init__(
         self,
         setting: SessionSetting,
-        order: Sequence[Planned],
-        practice: Sequence[Planned] = (),
+        order: FixedOrder | Sequence[PlannedTrial],
+        practice: Sequence[PlannedTrial] = (),
         *,
         neutral_luminance: float,
     ) -> None:
         self.setting, self.design, self.rig = setting, setting.design, setting.rig
-        self.order, self._practice = order, practice
-        self._order = FixedOrder(order, getattr(self.design, "repeat_flagged", True))
+        self._practice = practice
+        if not isinstance(order, FixedOrder):
+            order = FixedOrder(order, getattr(self.design, "repeat_flagged", True))
+        self._order = order
         self.n_trials = self._order.n_trials
         self.neutral_luminance = neutral_luminance
         self.name = setting.manifest.task
@@ -129,12 +163,12 @@ class Task(Generic[Planned]):
         raise NotImplementedError  # each task has its own
 
     def conduct(
-        self, planned: Planned, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+        self, planned: PlannedTrial, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show a trial and take the answer. Raises `PausePressed` if the pause key was pressed."""
         raise NotImplementedError  # each task has its own
 
-    def row(self, planned: Planned, answer: Any, columns: dict[str, Any]) -> Any:
+    def row(self, planned: PlannedTrial, answer: Any, columns: dict[str, Any]) -> Any:
         """Return the record of an answered trial; the columns are those of `shown_columns`, and the time.
 
         `evenlight simulate` makes trials with it.
@@ -168,11 +202,11 @@ class Task(Generic[Planned]):
         """Return whether a trial is left out of the analysis."""
         return bool(trial.flag is not TrialFlag.NONE)
 
-    def practice(self) -> Sequence[Planned]:
+    def practice(self) -> Sequence[PlannedTrial]:
         """Return the trials for practice, of all rounds."""
         return self._practice
 
-    def next_trial(self) -> Planned | None:
+    def next_trial(self) -> PlannedTrial | None:
         """Return the trial to be shown next, or None at the end; the same until `take` is called."""
         return self._order.next_trial()
 

@@ -28,6 +28,7 @@ from evenlight.experiments.ramp.ramp_observer import (
     SimulatedObserver,
     draw_observer,
 )
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.experiments.viewing.brightness_changes import (
@@ -37,7 +38,6 @@ from evenlight.experiments.viewing.brightness_changes import (
     changes_in_thresholds,
     luminance_course,
 )
-from evenlight.experiments.viewing.comparison_task import PlannedComparison
 from evenlight.experiments.viewing.simulated_viewers import Viewing
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
@@ -238,9 +238,7 @@ class ComparisonViewing(Viewing):
         """Return a participant."""
         return draw_comparer(self.limit, rng, self.population)
 
-    def answer(
-        self, person: ComparisonObserver, planned: PlannedComparison, rng: np.random.Generator
-    ) -> Response:
+    def answer(self, person: ComparisonObserver, planned: PlannedTrial, rng: np.random.Generator) -> Response:
         """Return which version is said to have changed in brightness."""
         changes = self.views.changes(person, planned.sequence, planned.seconds)
         return person.answer(person.evidence_of(changes), planned.ours_interval, rng)

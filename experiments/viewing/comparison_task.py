@@ -2,58 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from evenlight.data_schema.recordings.ramp import Response
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial, Version
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.viewing_task import (
     ClipTask,
+    planned_clips,
     practice_sequences,
     sequences_in_order,
     versions_in_order,
 )
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedComparison:
-    """The two versions of a sequence, to be compared.
-
-    Attributes
-    ----------
-    sequence : str
-        Which.
-    repetition : int
-        Which comparison of this sequence, from 1.
-    ours_interval : int
-        Which of the two is the modulated version, 1 or 2.
-    block, practice, seconds
-        As in `PlannedRating`.
-    """
-
-    sequence: str
-    repetition: int
-    ours_interval: int
-    block: int = 1
-    practice: bool = False
-    seconds: float | None = None
-
-    @property
-    def versions(self) -> tuple[Version, Version]:
-        """The two versions, in the order in which they are shown."""
-        order = (Version.OURS, Version.BASELINE)
-        return order if self.ours_interval == 1 else (order[1], order[0])
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        """What of its row is known before it is shown."""
-        names = ("sequence", "repetition", "ours_interval", "block", "practice")
-        return {name: getattr(self, name) for name in names}
-
-
-class ComparisonTask(ClipTask[PlannedComparison]):
+class ComparisonTask(ClipTask):
     """Both versions of a sequence one after the other, and the question in which the brightness changed.
 
     Practice has no feedback: it would teach participants to tell the versions by other things than change.
@@ -73,7 +38,7 @@ class ComparisonTask(ClipTask[PlannedComparison]):
         """Return the answer that each key gives."""
         return {keys.first: Response.FIRST, keys.second: Response.SECOND}
 
-    def row(self, planned: PlannedComparison, answer: Response, columns: dict[str, Any]) -> ComparisonTrial:
+    def row(self, planned: PlannedTrial, answer: Response, columns: dict[str, Any]) -> ComparisonTrial:
         """Return the record of a comparison."""
         stimulus = self.stimuli[planned.sequence]
         return ComparisonTrial(
@@ -89,7 +54,7 @@ class ComparisonTask(ClipTask[PlannedComparison]):
         return trial.chose_ours
 
 
-def comparison_order(design: ComparisonDesign, order_index: int) -> tuple[PlannedComparison, ...]:
+def comparison_order(design: ComparisonDesign, order_index: int) -> tuple[PlannedTrial, ...]:
     """Return the trials of a participant, ordered as those of `rating_order`.
 
     >>> design = ComparisonDesign(sequences=("gym", "library"))
@@ -97,23 +62,27 @@ def comparison_order(design: ComparisonDesign, order_index: int) -> tuple[Planne
     [('gym', 1), ('library', 2)]
     """
     return tuple(
-        PlannedComparison(
-            sequence,
-            repetition,
-            1 + versions_in_order(design.sequences, sequence, order_index, repetition).index(Version.OURS),
-            block=repetition,
-        )
+        _planned(sequence, versions_in_order(design.sequences, sequence, order_index, repetition), repetition)
         for repetition in range(1, design.repetitions + 1)
         for sequence in sequences_in_order(design.sequences, order_index)
     )
 
 
-def comparison_practice(
-    design: ComparisonDesign, seed: int, order_index: int
-) -> tuple[PlannedComparison, ...]:
+def comparison_practice(design: ComparisonDesign, seed: int, order_index: int) -> tuple[PlannedTrial, ...]:
     """Return excerpts for practice, of random sequences; the modulated one comes first and second in turn."""
     chosen = practice_sequences(design.sequences, design.practice_trials, seed, order_index)
+    both = (Version.OURS, Version.BASELINE)
     return tuple(
-        PlannedComparison(sequence, 1, 1 + (k + order_index) % 2, 0, True, design.practice_duration)
+        _planned(sequence, both[:: -1 if (k + order_index) % 2 else 1], 0, design.practice_duration)
         for k, sequence in enumerate(chosen)
     )
+
+
+def _planned(
+    sequence: str, versions: tuple[Version, ...], block: int, seconds: float | None = None
+) -> PlannedTrial:
+    """Return the two versions of a sequence, to be compared."""
+    return planned_clips(
+        versions, seconds, sequence=sequence, repetition=max(block, 1),
+        ours_interval=1 + versions.index(Version.OURS), block=block,
+    )  # fmt: skip

@@ -23,9 +23,9 @@ from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATI
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.experiments.chance import Purpose
 from evenlight.experiments.ramp.ramp_observer import MAX_LAPSE_RATE
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus
-from evenlight.experiments.viewing.rating_task import PlannedRating
 from evenlight.experiments.viewing.simulated_viewers import Viewing
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 
@@ -89,9 +89,9 @@ class DetailViews:
         """Pooled contrast loss of each whole sequence in each version."""
         return {(name, version): self._lost(name, version) for name in self._stimuli for version in Version}
 
-    def of(self, planned: PlannedRating) -> float:
+    def of(self, planned: PlannedTrial) -> float:
         """Return the pooled contrast loss of what a trial shows."""
-        return self._lost(planned.sequence, planned.version, planned.seconds)
+        return self._lost(planned.sequence, planned.versions[0], planned.seconds)
 
     def _lost(self, sequence: str, version: Version, seconds: float | None = None) -> float:
         """Return the pooled contrast loss of a version, computed once."""
@@ -237,7 +237,7 @@ class RatingViewing(Viewing):
         """Return a rater."""
         return draw_rater(rng, self.population)
 
-    def answer(self, person: RatingObserver, planned: PlannedRating, rng: np.random.Generator) -> int:
+    def answer(self, person: RatingObserver, planned: PlannedTrial, rng: np.random.Generator) -> int:
         """Return the rating of a video."""
         return person.answer(self.views.of(planned), rng)
 

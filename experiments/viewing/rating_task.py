@@ -2,64 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any
 
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import LOWEST_RATING, RatingDesign, RatingTrial, Version
 from evenlight.experiments.chance import williams_row
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.viewing_task import (
     ClipTask,
+    planned_clips,
     practice_sequences,
     sequences_in_order,
     versions_in_order,
 )
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedRating:
-    """A video to be rated.
-
-    Attributes
-    ----------
-    sequence : str
-        Which.
-    version : Version
-        How it is dimmed.
-    repetition : int
-        Which rating of this version, from 1.
-    place_in_pair : int
-        1 if this version is shown before the other, else 2.
-    block : int
-        Of the session, from 1; 0 for practice.
-    practice : bool
-        Whether it is practice.
-    seconds : float or None
-        How much of it is shown, from its beginning [s]; None for all.
-    """
-
-    sequence: str
-    version: Version
-    repetition: int
-    place_in_pair: int
-    block: int = 1
-    practice: bool = False
-    seconds: float | None = None
-
-    @property
-    def versions(self) -> tuple[Version]:
-        """The one version that is shown."""
-        return (self.version,)
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        """What of its row is known before it is shown."""
-        names = ("sequence", "version", "repetition", "place_in_pair", "block", "practice")
-        return {name: getattr(self, name) for name in names}
-
-
-class RatingTask(ClipTask[PlannedRating]):
+class RatingTask(ClipTask):
     """Each sequence in both versions; after each video, a rating from 1 to 5.
 
     Parameters
@@ -77,13 +36,13 @@ class RatingTask(ClipTask[PlannedRating]):
         """Return the rating that each key gives."""
         return {key: LOWEST_RATING + place for place, key in enumerate(keys.ratings)}
 
-    def row(self, planned: PlannedRating, answer: int, columns: dict[str, Any]) -> RatingTrial:
+    def row(self, planned: PlannedTrial, answer: int, columns: dict[str, Any]) -> RatingTrial:
         """Return the record of a rated video."""
         mean_factor = self.stimuli[planned.sequence].mean_factor(planned.version)
         return RatingTrial(**planned.columns, **columns, mean_factor=mean_factor, rating=answer)
 
 
-def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedRating, ...]:
+def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedTrial, ...]:
     """Return the trials of a participant: a block for each repetition.
 
     Sequences, or all versions of them where they are not together, stand in the order of a Williams square.
@@ -101,7 +60,7 @@ def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedRating,
     >>> [(trial.sequence, trial.version.value) for trial in order]
     [('gym', 'ours'), ('gym', 'baseline'), ('library', 'baseline'), ('library', 'ours')]
     """
-    trials: list[PlannedRating] = []
+    trials: list[PlannedTrial] = []
     for repetition in range(1, design.repetitions + 1):
         pairs = [
             (sequence, version)
@@ -115,17 +74,25 @@ def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedRating,
         for sequence, version in pairs:
             place = 2 if sequence in seen else 1
             seen.add(sequence)
-            trials.append(PlannedRating(sequence, version, repetition, place, block=repetition))
+            trials.append(_planned(sequence, version, repetition, place, repetition))
     return tuple(trials)
 
 
-def rating_practice(design: RatingDesign, seed: int, order_index: int) -> tuple[PlannedRating, ...]:
+def rating_practice(design: RatingDesign, seed: int, order_index: int) -> tuple[PlannedTrial, ...]:
     """Return excerpts for practice, of sequences drawn at random, the two versions in turn."""
     chosen = practice_sequences(design.sequences, design.practice_trials, seed, order_index)
-    versions = tuple(Version)
+    versions, seconds = tuple(Version), design.practice_duration
     return tuple(
-        PlannedRating(
-            sequence, versions[(k + order_index) % 2], 1, 1 + k % 2, 0, True, design.practice_duration
-        )
+        _planned(sequence, versions[(k + order_index) % 2], 1, 1 + k % 2, 0, seconds)
         for k, sequence in enumerate(chosen)
     )
+
+
+def _planned(
+    sequence: str, version: Version, repetition: int, place: int, block: int, seconds: float | None = None
+) -> PlannedTrial:
+    """Return a video to be rated: which rating of it, from 1, and 1 if its version is shown first, else 2."""
+    return planned_clips(
+        (version,), seconds, sequence=sequence, version=version, repetition=repetition, place_in_pair=place,
+        block=block,
+    )  # fmt: skip

@@ -21,6 +21,7 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.chance import Purpose
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.search_stage import (
     OffscreenPainter,
     RingPainter,
@@ -37,7 +38,6 @@ from evenlight.experiments.viewing.search_observer import (
 )
 from evenlight.experiments.viewing.search_schedule import (
     VERSIONS,
-    PlannedSearch,
     planned_search,
     search_points,
 )
@@ -83,7 +83,7 @@ class RingViews:
         self._pictures: dict[tuple[str, Vector, Ring], RingPicture] = {}
         self._visibility: dict[tuple[str, Vector, Ring, float], float] = {}
 
-    def prepare(self, trials: Iterable[PlannedSearch]) -> None:
+    def prepare(self, trials: Iterable[PlannedTrial]) -> None:
         """See to all rings of some trials now; the painter is not needed for them any more."""
         for planned in trials:
             self.of(planned)
@@ -103,7 +103,7 @@ class RingViews:
             for (scene, position, ring, factor), visibility in self._visibility.items()
         ]
 
-    def of(self, planned: PlannedSearch) -> RingSight:
+    def of(self, planned: PlannedTrial) -> RingSight:
         """Return how the ring of a trial is seen."""
         ring = replace(planned.ring, orientation=0)
         place = (planned.scene, planned.camera.position, ring)
@@ -219,13 +219,11 @@ class SearchViewing(Viewing):
         """Return a participant."""
         return draw_searcher(rng, self.population)
 
-    def answer(
-        self, person: SearchObserver, planned: PlannedSearch, rng: np.random.Generator
-    ) -> SearchAnswer:
+    def answer(self, person: SearchObserver, planned: PlannedTrial, rng: np.random.Generator) -> SearchAnswer:
         """Return what comes of a search."""
         return person.answer(self.views.of(planned), self.time_limit, rng)
 
-    def columns(self, planned: PlannedSearch) -> dict[str, Any]:
+    def columns(self, planned: PlannedTrial) -> dict[str, Any]:
         """Return the luminance around the ring, which drawing it tells."""
         return {"background_luminance": self.views.of(planned).background_luminance}
 

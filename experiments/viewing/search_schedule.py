@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.stimuli.rings.landolt import Ring, Surroundings, painted, require_drawable, shown_contrast
@@ -28,57 +28,6 @@ from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track
 VERSIONS = (Version.OURS, Version.BASELINE)
 LEAST_SHARE = 0.9  # of the contrast asked for that is to leave the display
-
-
-@dataclass(frozen=True, slots=True)
-class PlannedSearch:
-    """A scene with a ring in it.
-
-    Attributes
-    ----------
-    sequence, keypoint : str
-        Camera path, and the point on it.
-    version : Version
-        Whose brightness the scene has.
-    factor : float
-        That brightness factor.
-    ring : Ring
-        The ring.
-    ring_place : int
-        Which of the keypoint's two places it has, 1 or 2; in practice it lies at a third one all the same.
-    scene : str
-        Name of the scene.
-    camera : Camera
-        Where from, and the first direction of view.
-    block : int
-        Of the session, from 1; 0 for practice.
-    practice : bool
-        Whether it is practice.
-    """
-
-    sequence: str
-    keypoint: str
-    version: Version
-    factor: float
-    ring: Ring
-    ring_place: int
-    scene: str
-    camera: Camera
-    block: int = 1
-    practice: bool = False
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        """What of its row is known before it is shown."""
-        names = ("sequence", "keypoint", "version", "factor", "ring_place", "block", "practice")
-        return {
-            **{name: getattr(self, name) for name in names},
-            "ring_azimuth": relative_azimuth(self.ring.azimuth, self.camera.azimuth),
-            "ring_altitude": self.ring.altitude,
-            "ring_gap": self.ring.gap,
-            "ring_contrast": self.ring.contrast,
-            "ring_orientation": self.ring.orientation,
-        }
 
 
 def relative_azimuth(azimuth: float, first: float) -> float:
@@ -222,7 +171,7 @@ def _point(path: CameraPath, rings: KeypointRings, stimulus: LoadedStimulus, dis
 
 def search_order(
     design: SearchDesign, points: Sequence[SearchPoint], seed: int, order_index: int
-) -> tuple[PlannedSearch, ...]:
+) -> tuple[PlannedTrial, ...]:
     """Return the trials of a participant: two blocks, each with every keypoint once.
 
     In the first block every other keypoint has the brightness of ours and the rest that of the baseline, in
@@ -242,7 +191,7 @@ def search_order(
     """
     n = len(points)
     orientations = _orientations(2 * n, seed, order_index)
-    trials: list[PlannedSearch] = []
+    trials: list[PlannedTrial] = []
     for block in (1, 2):
         for k in williams_row(n, order_index + (block - 1) * (n // 2)):
             # The row, too, moves on with the order index: with its parity in the version as well, the version
@@ -255,7 +204,7 @@ def search_order(
 
 def search_practice(
     design: SearchDesign, points: Sequence[SearchPoint], seed: int, order_index: int
-) -> tuple[PlannedSearch, ...]:
+) -> tuple[PlannedTrial, ...]:
     """Return trials for practice: keypoints drawn at random, with a ring of twice the size.
 
     A ring for practice lies at its keypoint's third place, where none lies in the session.
@@ -272,7 +221,7 @@ def search_practice(
 
 def planned_search(
     design: SearchDesign, point: SearchPoint, version: Version, place: int, orientation: int, block: int
-) -> PlannedSearch:
+) -> PlannedTrial:
     """Return the trial of a keypoint, a version, a place of its ring and a direction of the gap.
 
     In practice, block 0, the ring is larger, and lies at the keypoint's third place.
@@ -288,15 +237,19 @@ def planned_search(
         contrast=design.ring_contrast,
         orientation=orientation,
     )
-    return PlannedSearch(
+    shown = {"ring": ring, "scene": point.scene, "camera": point.camera}
+    return PlannedTrial(
+        shown,
         sequence=point.sequence,
         keypoint=point.keypoint,
         version=version,
         factor=point.factors[version],
-        ring=ring,
         ring_place=place,
-        scene=point.scene,
-        camera=point.camera,
+        ring_azimuth=relative_azimuth(ring.azimuth, point.camera.azimuth),
+        ring_altitude=ring.altitude,
+        ring_gap=ring.gap,
+        ring_contrast=ring.contrast,
+        ring_orientation=ring.orientation,
         block=block,
         practice=practice,
     )

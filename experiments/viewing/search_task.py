@@ -7,27 +7,32 @@ from typing import Any
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchTrial, ViewLog
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, Task, TrialPlace
-from evenlight.experiments.stage import SearchResult, SearchView, Stage
+from evenlight.experiments.sessions.task import (
+    ConductedTrial,
+    Participant,
+    SessionSetting,
+    Task,
+    TrialPlace,
+    shown_columns,
+    shown_log,
+)
+from evenlight.experiments.stage import SearchView, Stage
 from evenlight.experiments.stimulus_folder import neutral_luminance
 from evenlight.experiments.viewing.search_observer import SearchAnswer
 from evenlight.experiments.viewing.search_schedule import (
-    PlannedSearch,
     search_order,
     search_points,
     search_practice,
 )
-from evenlight.experiments.viewing.viewing_task import (
-    shown_columns,
-    viewing_minutes,
-)
+from evenlight.experiments.viewing.viewing_task import viewing_minutes
 from evenlight.stimuli.rings.landolt import gap_pixels, shown_contrast
 
 TYPICAL_SHARE = 0.5  # of the time limit that a search takes, for the estimate on the page of consent
 
 
-class SearchTask(Task[PlannedSearch]):
+class SearchTask(Task):
     """Each keypoint once in each version: look around, press when the ring is found, say where its gap is.
 
     Parameters
@@ -73,7 +78,7 @@ class SearchTask(Task[PlannedSearch]):
         return {keys.found: "found", **dict(zip(keys.orientations, ORIENTATIONS, strict=True))}
 
     def conduct(
-        self, planned: PlannedSearch, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+        self, planned: PlannedTrial, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Let a scene be searched; if the ring is found, ask where its gap is."""
         seed, keys = self.noise_seed(place), self.rig.keys
@@ -91,9 +96,9 @@ class SearchTask(Task[PlannedSearch]):
             columns["flag"] = TrialFlag.SEEN_BEFORE
         columns |= {"background_luminance": searched.background_luminance, "response_time": response_time}
         trial = self.row(planned, SearchAnswer(searched.found_after, reported), columns)
-        return ConductedTrial(trial, (_view_log(place, searched),))
+        return ConductedTrial(trial, (shown_log(ViewLog, place, 1, searched),))
 
-    def row(self, planned: PlannedSearch, answer: SearchAnswer, columns: dict[str, Any]) -> SearchTrial:
+    def row(self, planned: PlannedTrial, answer: SearchAnswer, columns: dict[str, Any]) -> SearchTrial:
         """Return the record of a search; `background_luminance` is among the columns."""
         return SearchTrial(
             **planned.columns,
@@ -112,7 +117,7 @@ class SearchTask(Task[PlannedSearch]):
             reported_orientation=answer.orientation,
         )
 
-    def _view(self, planned: PlannedSearch, noise_seed: int) -> SearchView:
+    def _view(self, planned: PlannedTrial, noise_seed: int) -> SearchView:
         """Return what is shown."""
         return SearchView(
             scene=planned.scene,
@@ -123,16 +128,3 @@ class SearchTask(Task[PlannedSearch]):
             field_of_view=self.design.field_of_view,
             noise_seed=noise_seed,
         )
-
-
-def _view_log(place: TrialPlace, searched: SearchResult) -> ViewLog:
-    """Return where a participant looked, as a record."""
-    return ViewLog(
-        trial_index=place.trial_index,
-        attempt=place.attempt,
-        interval=1,
-        flip_times=searched.flip_times,
-        azimuths=searched.azimuths,
-        altitudes=searched.altitudes,
-        backlight_factors=searched.backlight_factors,
-    )

@@ -184,7 +184,7 @@ def _trials_of(simulation: ViewingSimulation, viewing: Viewing, provenance: Prov
         yield from answered_trials(task, who, SimulatedViewer(viewing, setting.session))
 
 
-def answered_trials(task: Task[Any], participant: str, viewer: SimulatedViewer) -> list[Trial]:
+def answered_trials(task: Task, participant: str, viewer: SimulatedViewer) -> list[Trial]:
     """Return the trials of a session as a simulated participant answers them; practice is left out."""
     trials: list[Trial] = []
     while (planned := task.next_trial()) is not None:

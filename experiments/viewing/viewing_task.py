@@ -7,55 +7,49 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Sequence
-from typing import Any, Protocol, TypeVar
+from typing import Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ClipLog, Version
 from evenlight.experiments.chance import Purpose, generator_for, williams_row
 from evenlight.experiments.playback.clip_player import require_room
-from evenlight.experiments.sessions.dropped_frames import (
-    CHECK_SECONDS,
-    FrameDemand,
-    ShownStimulus,
-    require_few_drops,
-)
+from evenlight.experiments.sessions.dropped_frames import CHECK_SECONDS, FrameDemand, require_few_drops
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.task import ConductedTrial, Participant, SessionSetting, Task, TrialPlace
+from evenlight.experiments.sessions.task import (
+    ConductedTrial,
+    Participant,
+    SessionSetting,
+    Task,
+    TrialPlace,
+    shown_columns,
+    shown_log,
+)
 from evenlight.experiments.stage import Clip, ShownClip, Stage
 from evenlight.experiments.stimulus_folder import LoadedStimulus, neutral_luminance
 from evenlight.stimuli.ramp import frame_count
 
-LARGEST_SEED = 2**31
 READING = 120.0  # [s] consent, instructions, practice pages
 ANSWERING = 4.0  # [s] a question, and going on
-MAX_SHOWINGS = 3  # of a trial that is flagged each time
-FEWEST_SHOWINGS = 2  # one may be a hiccup of the computer
-SAME = 1e-9  # relative, of a number that was computed and written
 
 
-class PlannedClips(PlannedTrial, Protocol):
-    """A trial that shows a sequence in some versions."""
+def planned_clips(versions: Sequence[Version], seconds: float | None = None, **columns: Any) -> PlannedTrial:
+    """Return a trial that shows a sequence in some versions, one after the other; block 0 is practice.
 
-    @property
-    def sequence(self) -> str:
-        """Name of the sequence that is shown."""
-
-    @property
-    def versions(self) -> Sequence[Version]:
-        """In which versions it is shown, one after the other."""
-
-    @property
-    def seconds(self) -> float | None:
-        """How much of it is shown, from its beginning [s]; None for all."""
-
-
-Clips = TypeVar("Clips", bound=PlannedClips)
+    Parameters
+    ----------
+    versions : sequence of Version
+        In their order.
+    seconds : float, optional
+        How much of it is shown, from its beginning [s]; all if not given.
+    **columns
+        Of its row, `sequence` and `block` among them.
+    """
+    return PlannedTrial({"versions": versions, "seconds": seconds}, practice=columns["block"] == 0, **columns)
 
 
-class ClipTask(Task[Clips]):
+class ClipTask(Task):
     """A task of videos, with one question after each trial: the page `question_TASK`.
 
     Parameters
@@ -66,7 +60,10 @@ class ClipTask(Task[Clips]):
         As of `Task`.
     """
 
-    def __init__(self, setting: SessionSetting, order: Sequence[Clips], practice: Sequence[Clips]) -> None:
+    def __init__(
+        self, setting: SessionSetting, order: Sequence[PlannedTrial], practice: Sequence[PlannedTrial]
+    ) -> None:
+        self._planned = order
         super().__init__(setting, order, practice, neutral_luminance=neutral_luminance(setting.stimuli))
         self.stimuli = {stimulus.name: stimulus for stimulus in setting.stimuli}
 
@@ -82,7 +79,7 @@ class ClipTask(Task[Clips]):
     def minutes(self) -> float:
         """How long the session takes, about."""
         shown = 0.0
-        for planned in (*self.order, *self.practice()):
+        for planned in (*self._planned, *self.practice()):
             seconds = planned.seconds or self.stimuli[planned.sequence].stimulus.duration
             shown += len(planned.versions) * (seconds + self.design.adaptation_duration)
         return viewing_minutes(shown, self.n_trials)
@@ -105,7 +102,7 @@ class ClipTask(Task[Clips]):
         require_few_drops(show, demand, self.rig.refresh_rate)
 
     def conduct(
-        self, planned: Clips, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+        self, planned: PlannedTrial, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show the versions of a sequence one after the other, and ask the question of the task."""
         stimulus, seed = self.stimuli[planned.sequence], self.noise_seed(place)
@@ -159,27 +156,6 @@ def practice_sequences(sequences: tuple[str, ...], n: int, seed: int, order_inde
     return [sequences[k] for k in order[:n]]
 
 
-def shown_columns(
-    place: TrialPlace, shown: Sequence[ShownStimulus], noise_seed: int, max_dropped_share: float
-) -> dict[str, Any]:
-    """Return the columns of a row that say whose it is, and how it was shown."""
-    refreshes = sum(len(part.flip_times) for part in shown)
-    dropped = sum(part.frames_dropped for part in shown)
-    too_many = dropped > max_dropped_share * (refreshes + dropped)
-    return {
-        "participant_id": place.participant_id,
-        "session_id": place.session_id,
-        "trial_index": place.trial_index,
-        "simulated": place.simulated,
-        "attempt": place.attempt,
-        "onset": shown[0].onset,
-        "noise_seed": noise_seed,
-        "n_frames": refreshes,
-        "frames_dropped": dropped,
-        "flag": TrialFlag.DROPPED_FRAMES if too_many else TrialFlag.NONE,
-    }
-
-
 def stimulus_clip(stimulus: LoadedStimulus, version: Version, noise_seed: int, seconds: float | None) -> Clip:
     """Return a version of a sequence, to be played."""
     times = stimulus.track.times
@@ -208,16 +184,4 @@ def require_rooms(stimuli: Iterable[LoadedStimulus], stage: Stage) -> None:
 
 def clip_log(place: TrialPlace, interval: int, shown: ShownClip) -> ClipLog:
     """Return what the display showed of a video, as a record."""
-    return ClipLog(
-        trial_index=place.trial_index,
-        attempt=place.attempt,
-        interval=interval,
-        flip_times=shown.flip_times,
-        video_frames=shown.video_frames,
-        factors=shown.factors,
-        backlight_factors=shown.backlight_factors,
-        probe_refreshes=shown.probe_refreshes,
-        probe_luminance=shown.probe_luminance,
-        probe_intended=shown.probe_intended,
-        waited=shown.waited,
-    )
+    return shown_log(ClipLog, place, interval, shown)

@@ -10,8 +10,8 @@ from conducted_sessions import DESIGN, DISPLAY, OBSERVER, Stage, begun, conducte
 from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, Response, session_minutes
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.session_store import SessionStore, resume_session
 from evenlight.experiments.sessions.task import PracticeRule
 from evenlight.experiments.stage import PausePressed, ShownInterval
@@ -69,7 +69,7 @@ BLIND = dataclasses.replace(KEEN, sensitivity=1e6)  # "no" to all: 2 of 6 right
 class Eager(SimulatedObserver):
     """Says "yes" to everything: 4 of 6 right."""
 
-    def answer(self, ramp: PlannedRamp, rng: np.random.Generator) -> Response:
+    def answer(self, ramp: PlannedTrial, rng: np.random.Generator) -> Response:
         return Response.YES
 
 

@@ -15,8 +15,9 @@ from evenlight.data_schema.recordings.ramp import Direction, Placement, Procedur
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.experiments.chance import williams_row
 from evenlight.experiments.design_files import design_names, load_design, load_task_design
-from evenlight.experiments.ramp.ramp_plan import Slot, ramp_conditions, ramp_levels, session_plan, trial_count
+from evenlight.experiments.ramp.ramp_plan import ramp_conditions, ramp_levels, session_plan, trial_count
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.preset_files import load_display
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)
@@ -24,11 +25,11 @@ TWO = RampDesign(procedure=Procedure.TWO_INTERVAL, repetitions=5)
 SECONDS_PER_TRIAL = 9.0  # 1 before, 5 of ramp, 1 of hold, 1.5 to answer, 0.5 of pause
 
 
-def plan(design: RampDesign, seed: int = 1, order_index: int = 0) -> tuple[Slot, ...]:
+def plan(design: RampDesign, seed: int = 1, order_index: int = 0) -> tuple[PlannedTrial, ...]:
     return session_plan(design, DISPLAY, seed, order_index)
 
 
-def cell(slot: Slot) -> tuple[object, ...]:
+def cell(slot: PlannedTrial) -> tuple[object, ...]:
     return slot.level, slot.condition, slot.rate_index
 
 

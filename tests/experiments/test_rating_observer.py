@@ -22,7 +22,7 @@ from evenlight.experiments.viewing.rating_observer import (
     draw_rater,
     pooled_loss,
 )
-from evenlight.experiments.viewing.rating_task import PlannedRating
+from evenlight.experiments.viewing.viewing_task import planned_clips
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 MEDIAN = RatingObserver(RatingPopulation().cuts, 1.0, RatingPopulation().noise, 0.0)
@@ -170,17 +170,17 @@ def loaded(folder: Path, factors: list[float], at_half: list[float], baseline: f
 
 def test_each_version_is_rated_by_what_it_loses_itself(tmp_path: Path) -> None:
     views = DetailViews([loaded(tmp_path, [0.5, 1.0], [0.8, 0.2], baseline=0.75)])
-    ours = views.of(PlannedRating("v", Version.OURS, 1, 1))
-    baseline = views.of(PlannedRating("v", Version.BASELINE, 1, 2))
+    ours = views.of(planned_clips([Version.OURS], sequence="v", block=1))
+    baseline = views.of(planned_clips([Version.BASELINE], sequence="v", block=1))
     assert ours == pytest.approx((0.8**4 / 2) ** 0.25)
     assert baseline == pytest.approx(((0.4**4 + 0.1**4) / 2) ** 0.25)
-    assert views.of(PlannedRating("v", Version.OURS, 1, 1, seconds=1.0)) == pytest.approx(0.8)
+    assert views.of(planned_clips([Version.OURS], 1.0, sequence="v", block=1)) == pytest.approx(0.8)
     assert mean_rating(MEDIAN, baseline) > mean_rating(MEDIAN, ours)
 
 
 def test_equal_versions_get_equal_ratings(tmp_path: Path) -> None:
     views = DetailViews([loaded(tmp_path, [0.75, 0.75], [0.2, 0.4], baseline=0.75)])
-    lost = [views.of(PlannedRating("v", version, 1, 1)) for version in Version]
+    lost = [views.of(planned_clips([version], sequence="v", block=1)) for version in Version]
     assert lost[0] == lost[1]
     rng = np.random.default_rng
     assert [MEDIAN.answer(lost[0], rng(k)) for k in range(50)] == [

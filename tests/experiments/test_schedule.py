@@ -20,8 +20,8 @@ from evenlight.data_schema.recordings.ramp import (
     TrialFlag,
 )
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver, answer_generator
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.preset_files import load_rate_limit
 
 DISPLAY = Display("bench", 100.0, 0.5, 2.0, 60.0)
@@ -45,29 +45,18 @@ DESIGNS = {
 
 
 def answered(
-    design: RampDesign, ramp: PlannedRamp, index: int, flag: TrialFlag = TrialFlag.NONE, **changed: object
+    design: RampDesign, ramp: PlannedTrial, index: int, flag: TrialFlag = TrialFlag.NONE, **changed: object
 ) -> RampTrial:
-    trial = RampTrial(
-        participant_id="01",
-        session_id="01",
-        trial_index=index,
-        screen=ramp.level.screen,
-        factor=ramp.level.factor,
-        initial_luminance=ramp.level.luminance,
-        final_luminance=ramp.final_luminance,
-        rate=ramp.rate,
-        duration=ramp.duration,
-        is_catch=ramp.is_catch,
-        response=OBSERVER.answer(ramp, answer_generator(SEED, 0, index)),
-        response_time=None,
-        simulated=True,
-        procedure=design.procedure,
-        direction=ramp.direction,
-        ramp_interval=ramp.ramp_interval,
-        block=ramp.block,
-        practice=ramp.practice,
-        flag=flag,
-    )
+    response = OBSERVER.answer(ramp, answer_generator(SEED, 0, index))
+    columns = {
+        "participant_id": "01",
+        "session_id": "01",
+        "trial_index": index,
+        "simulated": True,
+        "flag": flag,
+    }
+    trial = RampTrial(**ramp.columns, **columns, response=response, response_time=None)
+    assert trial.procedure is design.procedure
     return dataclasses.replace(trial, **changed)
 
 
@@ -204,12 +193,12 @@ def test_records_of_another_design_or_seed_are_refused() -> None:
     trial = unbroken(Procedure.YES_NO, Placement.CONSTANT, frozenset())[0]
     other = RampSchedule(dataclasses.replace(design, factors=(0.2, 0.5)), DISPLAY, SEED)
     with pytest.raises(
-        InputError, match=r"trial 0 of participant 01 is .* a session goes on only with those"
+        InputError, match=r"trial 0 of participant 01 is .*factor .*; a session goes on only with those"
     ):
         other.take(trial)
     done = RampSchedule(design, DISPLAY, SEED)
     go_on(done, design)
-    with pytest.raises(InputError, match="say no further trial"):
+    with pytest.raises(InputError, match="no further trial"):
         done.take(trial)
 
 

@@ -14,6 +14,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.data_schema.recordings.viewing import Version
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.search_stage import RingPicture
 from evenlight.experiments.viewing.ring_views import RingViews, angle_between, ring_alone, ring_visibility
 from evenlight.experiments.viewing.search_observer import (
@@ -22,7 +23,6 @@ from evenlight.experiments.viewing.search_observer import (
     SearchPopulation,
     draw_searcher,
 )
-from evenlight.experiments.viewing.search_schedule import PlannedSearch
 from evenlight.method.contrast.csf import contrast_sensitivity
 from evenlight.method.contrast.pyramid import (
     adaptation_luminance,
@@ -230,11 +230,9 @@ class PaintedByHand:
         return RingPicture(ring_alone(shown, 20.0, 80, LAB), 20.0)
 
 
-def planned(factor: float, azimuth: float = 20.0, orientation: int = 90) -> PlannedSearch:
-    return PlannedSearch(
-        "library", "stacks", Version.OURS, factor, Ring(azimuth, 0.0, 10.0, -0.3, orientation), 1, "school",
-        Camera((0.0, 0.0, 1.65), 350.0),
-    )  # fmt: skip
+def planned(factor: float, azimuth: float = 20.0, orientation: int = 90) -> PlannedTrial:
+    ring, camera = Ring(azimuth, 0.0, 10.0, -0.3, orientation), Camera((0.0, 0.0, 1.65), 350.0)
+    return PlannedTrial({"ring": ring, "scene": "school", "camera": camera}, factor=factor)
 
 
 def test_each_ring_is_painted_once_whatever_its_factor_or_direction() -> None:

@@ -10,8 +10,8 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
 from evenlight.data_schema.recordings.viewing import Version
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.viewing.search_schedule import (
-    PlannedSearch,
     SearchPoint,
     relative_azimuth,
     search_order,
@@ -43,7 +43,7 @@ POINTS = [point(k) for k in range(N)]
 DESIGN = SearchDesign(sequences=("library",), practice_trials=3)
 
 
-def order_of(participant: int, seed: int = 1) -> tuple[PlannedSearch, ...]:
+def order_of(participant: int, seed: int = 1) -> tuple[PlannedTrial, ...]:
     return search_order(DESIGN, POINTS, seed, participant)
 
 

@@ -13,7 +13,8 @@ from evenlight.experiments.ramp.ramp_observer import (
     answer_generator,
     draw_observer,
 )
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp, RampCondition, RampLevel, planned_ramp
+from evenlight.experiments.ramp.ramp_plan import RampCondition, RampLevel, planned_ramp
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 
@@ -31,14 +32,14 @@ def ramp(
     interval: int | None = None,
     direction: Direction = Direction.DOWN,
     duration: float = 5.0,
-) -> PlannedRamp:
+) -> PlannedTrial:
     level = RampLevel("white", 1.0, luminance)
     return planned_ramp(
         level, RampCondition("white", direction, duration), rate, ramp_interval=interval, block=1
     )
 
 
-def share(who: SimulatedObserver, planned: PlannedRamp, answer: Response, n: int = 4000) -> float:
+def share(who: SimulatedObserver, planned: PlannedTrial, answer: Response, n: int = 4000) -> float:
     rng = np.random.default_rng(5)
     return sum(who.answer(planned, rng) is answer for _ in range(n)) / n
 

@@ -12,8 +12,8 @@ from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.recordings.ramp import IntervalGap, Procedure, RampDesign
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.experiments.design_files import load_design
-from evenlight.experiments.ramp.ramp_plan import PlannedRamp
 from evenlight.experiments.ramp.ramp_task import RampTask
+from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.staging import BlindStage
 from evenlight.experiments.sessions.task import TrialPlace
@@ -63,7 +63,7 @@ class Steps(BlindStage):
 class Nobody:
     def see_page(self, keys: Sequence[str]) -> None: ...
 
-    def see_trial(self, planned: PlannedRamp, trial_index: int) -> None: ...
+    def see_trial(self, planned: PlannedTrial, trial_index: int) -> None: ...
 
 
 def observed(

@@ -18,6 +18,7 @@ from evenlight.tasks import (
     ConductedTrial,
     Pages,
     Participant,
+    PlannedTrial,
     Purpose,
     RampDesign,
     RampTrial,
@@ -89,20 +90,9 @@ class FlickerTrial(Trial):
     flag: TrialFlag = described("why it is left out; empty for none", default=TrialFlag.NONE)
 
 
-@dataclass(frozen=True, slots=True)
-class PlannedFlicker:
-    """A trial that is to come."""
-
-    frequency: float
-    depth: float
-    block: int = 1  # 0 for practice
-
-    @property
-    def columns(self) -> dict[str, Any]:
-        """What of its row is known before it is shown."""
-        return {
-            "frequency": self.frequency, "depth": self.depth, "block": self.block, "practice": self.block == 0
-        }  # fmt: skip
+def planned_flicker(design: FlickerDesign, depth: float, block: int = 1) -> PlannedTrial:
+    """Return a trial that is to come: what of its row is known before it is shown; block 0 is practice."""
+    return PlannedTrial(frequency=design.frequency, depth=depth, block=block, practice=block == 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,17 +114,17 @@ class WhiteSquare:
         return ""
 
 
-class FlickerTask(Task[PlannedFlicker]):
+class FlickerTask(Task):
     """A session: each depth, and none, equally often and in random order; the strongest for practice."""
 
     def __init__(self, setting: SessionSetting) -> None:
         design: FlickerDesign = setting.design
         depths = [0.0, *design.depths] * design.repetitions
         order = generator_for(*setting.session, Purpose.ORDER).permutation(depths).tolist()
-        strongest = PlannedFlicker(design.frequency, max(design.depths), block=0)
+        strongest = planned_flicker(design, max(design.depths), block=0)
         super().__init__(
             setting,
-            [PlannedFlicker(design.frequency, depth) for depth in order],
+            [planned_flicker(design, depth) for depth in order],
             [strongest] * design.practice_trials,
             neutral_luminance=float(
                 dimmed_luminance(setting.display.peak_luminance, MEAN_FACTOR, setting.display)
@@ -147,7 +137,7 @@ class FlickerTask(Task[PlannedFlicker]):
         return 2 + self.n_trials * (self.design.pause_duration + self.design.duration + 2) / 60
 
     def conduct(
-        self, planned: PlannedFlicker, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
+        self, planned: PlannedTrial, place: TrialPlace, stage: Stage, participant: Participant, pages: Pages
     ) -> ConductedTrial:
         """Show the square, and ask."""
         seed = self.noise_seed(place)
@@ -160,7 +150,7 @@ class FlickerTask(Task[PlannedFlicker]):
         columns = shown_columns(place, [shown], seed, MAX_DROPPED_SHARE) | {"response_time": press.time}
         return ConductedTrial(self.row(planned, keys[press.name], columns), (clip_log(place, 1, shown),))
 
-    def row(self, planned: PlannedFlicker, answer: Response, columns: dict[str, Any]) -> FlickerTrial:
+    def row(self, planned: PlannedTrial, answer: Response, columns: dict[str, Any]) -> FlickerTrial:
         """Return the record of an answered trial."""
         return FlickerTrial(**planned.columns, **columns, response=answer)
 
@@ -168,7 +158,7 @@ class FlickerTask(Task[PlannedFlicker]):
         """Return whether flicker was seen, or none where there was none."""
         return (trial.response is Response.YES) == (trial.depth > 0)
 
-    def _clip(self, planned: PlannedFlicker, seed: int) -> Clip:
+    def _clip(self, planned: PlannedTrial, seed: int) -> Clip:
         """Return the square as it flickers: a sine of luminance, which is linear in the brightness factor."""
         rate = self.rig.refresh_rate
         times = np.arange(max(1, round(self.design.duration * rate))) / rate
@@ -191,7 +181,7 @@ class Watchers(Viewing):
         """Return what is true of a participant."""
         return {"depth": person}
 
-    def answer(self, person: float, planned: PlannedFlicker, rng: np.random.Generator) -> Response:
+    def answer(self, person: float, planned: PlannedTrial, rng: np.random.Generator) -> Response:
         """Return whether flicker is seen; now and then where there is none."""
         share = 0.05 + 0.9 / (1 + (person / planned.depth) ** 4) if planned.depth else 0.05
         return Response.YES if rng.random() < share else Response.NO
