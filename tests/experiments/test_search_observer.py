@@ -13,7 +13,6 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS
-from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.search_stage import RingPicture
 from evenlight.experiments.viewing.ring_views import RingViews, angle_between, ring_alone, ring_visibility

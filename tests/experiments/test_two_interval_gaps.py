@@ -1,6 +1,5 @@
 """Between two intervals there is no other clue than the change: an observer of the steps is at chance."""
 
-import dataclasses
 from collections.abc import Sequence
 
 import numpy as np
@@ -84,7 +83,7 @@ def observed(
     sides = 1 + np.arange(TRIALS) % 2
     stages = [Steps() for _ in sides]
     for index, (side, stage) in enumerate(zip(sides.tolist(), stages, strict=True)):
-        shown = dataclasses.replace(planned, ramp_interval=side)
+        shown = planned.but(ramp_interval=side)
         task.conduct(shown, TrialPlace("01", "01", index, 1, True), stage, Nobody(), pages)
     return sides, np.array([stage.out for stage in stages]), np.array([stage.into for stage in stages])
 
@@ -126,7 +125,7 @@ def test_with_a_steady_gap_the_second_interval_goes_on_where_the_first_ended(
     task = ramp_task(design, DISPLAY, RIG)
     planned = task.next_trial()
     assert planned is not None
-    intervals = task._intervals(dataclasses.replace(planned, ramp_interval=ramp_interval), noise_seed=0)
+    intervals = task._intervals(planned.but(ramp_interval=ramp_interval), noise_seed=0)
     assert [(i.initial_luminance, i.final_luminance) for i in intervals] == [
         (pytest.approx(initial), pytest.approx(final)) for initial, final in ends
     ]
