@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.ramp.ramp_observer import ramp_answers
 from evenlight.experiments.ramp.ramp_task import RampTask
+from evenlight.experiments.ramp.ramp_viewing import ramp_viewing
 from evenlight.experiments.sessions.task import AnswersOf, SessionSetting, Task
 from evenlight.experiments.viewing.comparison_observer import comparison_viewing
 from evenlight.experiments.viewing.comparison_task import ComparisonTask
@@ -31,8 +31,7 @@ class Experiment:
     task : callable
         Makes its task in a setting.
     viewing : callable or None
-        Opens what its simulated observers see in a setting; None for ramps, whose observers are others, and
-        for tasks without one.
+        Opens what its simulated observers see in a setting; None for tasks without one.
     shows_videos : bool
         Whether the videos of its sequences are shown.
     pages : mapping of str to mapping of str to str
@@ -48,7 +47,7 @@ class Experiment:
 
 # By the names of `data_schema.recordings.session.TASKS`.
 EXPERIMENTS = {
-    "ramp": Experiment("ramp sessions", RampTask, None, shows_videos=False),
+    "ramp": Experiment("ramp calibration", RampTask, ramp_viewing, shows_videos=False),
     "rating": Experiment("detail rating", RatingTask, rating_viewing),
     "comparison": Experiment("artifact comparison", ComparisonTask, comparison_viewing),
     "search": Experiment("Landolt-ring search", SearchTask, search_viewing, shows_videos=False),
@@ -70,8 +69,6 @@ def simulated_answers(setting: SessionSetting) -> AnswersOf:
     chance = generator_for(who, 0, Purpose.PERSON)
     task = setting.manifest.task
     open_viewing = EXPERIMENTS[task].viewing
-    if open_viewing is not None:
-        return viewing_answers(open_viewing, setting, chance)
-    if task != "ramp":
+    if open_viewing is None:
         raise InputError(f"--simulate: the task {task!r} declares no simulated observer")
-    return ramp_answers(setting, chance)
+    return viewing_answers(open_viewing, setting, chance)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -62,42 +61,11 @@ def simulate(
             f"--stimuli goes with {', '.join(viewing[:-1])} and {viewing[-1]}, which need it; got "
             f"the task {task} {'with' if stimuli else 'without'} it"
         )
-    simulated = _ramps if task == "ramp" else _viewing(task, stimuli)
-    run = simulated(participants, seed, display, design)
-    with shown_progress(quiet) as progress:
-        progress.step("simulating participants", participants)
-        run(out, progress.at)
-    if not quiet:
-        typer.echo(f"{participants} simulated participants in {out}")
-
-
-Simulation = Callable[[Path, Callable[[int], None]], None]  # writes a data set, and reports who is done
-
-
-def _ramps(participants: int, seed: int, display: str | None, design: str | None) -> Simulation:
-    """Return the simulation of ramp sessions."""
-    from evenlight.experiments.design_files import load_design
-    from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
-    from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
-    from evenlight.method.preset_files import DEFAULT_DISPLAY, load_display, load_rate_limit
-
-    simulation = RampSimulation(
-        participants=participants,
-        seed=seed,
-        display=load_display(display or DEFAULT_DISPLAY),
-        design=load_design(design or "paper"),
-        limit=load_rate_limit("surace2025"),
-        population=ObserverPopulation(),
-    )
-    return lambda out, report: simulate_dataset(simulation, out, report)
-
-
-def _viewing(task: str, stimuli: Path | None) -> Callable[[int, int, str | None, str | None], Simulation]:
-    """Return what makes the simulation of another experiment, on some stimuli."""
     from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
 
-    def simulation(participants: int, seed: int, display: str | None, design: str | None) -> Simulation:
-        loaded = load_simulation(task, stimuli, (participants, seed), display, design)
-        return lambda out, report: simulate_viewing(loaded, out, report)
-
-    return simulation
+    simulation = load_simulation(task, stimuli, (participants, seed), display, design)
+    with shown_progress(quiet) as progress:
+        progress.step("simulating participants", participants)
+        simulate_viewing(simulation, out, progress.at)
+    if not quiet:
+        typer.echo(f"{participants} simulated participants in {out}")

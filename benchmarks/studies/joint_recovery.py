@@ -19,12 +19,8 @@ from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTri
 from evenlight.experiments.design_files import load_design
 from evenlight.experiments.ramp.ramp_observer import ObserverPopulation, draw_observer
 from evenlight.experiments.ramp.ramp_plan import ramp_levels
-from evenlight.experiments.ramp.simulate_ramp import (
-    RampSimulation,
-    answered_session,
-    participant_id,
-    participant_of,
-)
+from evenlight.experiments.ramp.ramp_viewing import RampViewing
+from evenlight.experiments.ramp.simulate_ramp import answered_session
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 
@@ -85,19 +81,16 @@ class Study:
 
     def answers(self, seed: int) -> tuple[list[RampTrial], dict[float, float]]:
         """Return the trials of a data set, and the mean ln(threshold) of its people at each luminance."""
-        limit = _weber()
-        simulation = RampSimulation(
-            self.participants, seed, load_display(DISPLAY), self.ramps, limit, self.population
-        )
+        viewing = RampViewing(self.ramps, load_display(DISPLAY), _weber(), self.population)
         trials: list[RampTrial] = []
         sums: dict[float, float] = {}
         for k in range(self.participants):
-            seen = participant_of(simulation, k)
+            seen = viewing.person_of((seed, k))
             factors = {
                 luminance: own * self._over_limit(luminance) for luminance, own in seen.level_factors.items()
             }
             observer = dataclasses.replace(seen, level_factors=factors)
-            trials += answered_session(simulation, k, participant_id(k, self.participants), observer)
+            trials += answered_session(viewing, (seed, k), f"{k + 1:02d}", observer)
             for level in ramp_levels(self.ramps, load_display(DISPLAY)):
                 at, function = level.luminance, observer.function_at(level.luminance, self.ramps.procedure)
                 sums[at] = sums.get(at, 0.0) + float(np.log(function.threshold)) / self.participants

@@ -13,15 +13,11 @@ from studies import Mapped
 from evenlight.analysis.calibration.psychometric.psychometric_fit import PsychometricFit, fit_psychometric
 from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts, ramp_counts
 from evenlight.data_schema.recordings.ramp import Placement, Procedure, RampDesign, trial_seconds
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation, SimulatedObserver
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
 from evenlight.experiments.ramp.ramp_plan import ramp_levels
-from evenlight.experiments.ramp.simulate_ramp import (
-    RampSimulation,
-    answered_session,
-    participant_id,
-    participant_of,
-)
-from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.experiments.ramp.ramp_viewing import RampViewing
+from evenlight.experiments.ramp.simulate_ramp import answered_session
+from evenlight.method.preset_files import load_display
 
 YES_NO_RATES = RampDesign().relative_rates  # of the paper mode
 TWO_INTERVAL_RATES = tuple(np.geomspace(0.004, 0.08, 8).round(5).tolist())  # where that task's thresholds are
@@ -118,25 +114,24 @@ def recover(
     mapped: Mapped = map,
 ) -> Recovery:
     """Return what the fit finds of the thresholds of simulated participants, each changed as told."""
-    design, display = mode.design(ramps), load_display("varjo-xr3")
-    simulation = RampSimulation(
-        participants, seed, display, design, load_rate_limit("surace2025"), ObserverPopulation()
-    )
-    each = mapped(partial(_errors_of, simulation, change), range(participants))
+    viewing = RampViewing(mode.design(ramps), load_display("varjo-xr3"))
+    each = mapped(partial(_errors_of, viewing, seed, change), range(participants))
     errors, covered, stated = zip(*(error for own in each for error in own), strict=True)
     return Recovery(np.array(errors), np.array(covered), np.array(stated))
 
 
 def _errors_of(
-    simulation: RampSimulation, change: Callable[[SimulatedObserver], SimulatedObserver], order_index: int
+    viewing: RampViewing,
+    seed: int,
+    change: Callable[[SimulatedObserver], SimulatedObserver],
+    order_index: int,
 ) -> list[tuple[float, bool, float]]:
     """Return the errors of a participant, level by level."""
-    design = simulation.design
-    observer = change(participant_of(simulation, order_index))
-    who = participant_id(order_index, simulation.participants)
-    trials = answered_session(simulation, order_index, who, observer)
+    design, session, who = viewing.design, (seed, order_index), f"{order_index + 1:02d}"
+    observer = change(viewing.person_of(session))
+    trials = answered_session(viewing, session, who, observer)
     found = []
-    for level in ramp_levels(design, simulation.display):
+    for level in ramp_levels(design, viewing.display):
         own = [t for t in trials if not t.is_catch and t.initial_luminance == level.luminance]
         counts = ramp_counts(own, *catch_counts(trials).get(who, (0, 0)))
         truth = observer.function_at(level.luminance, design.procedure).threshold

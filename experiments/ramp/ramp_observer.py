@@ -12,19 +12,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from scipy import special
 
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
-from evenlight.data_schema.recordings.rig import Keys
-from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.ramp.ramp_plan import ramp_levels
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
-from evenlight.experiments.sessions.task import AnswersOf, SessionSetting
-from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import PsychometricFunction, two_interval_function, yes_probability
 from evenlight.method.rate_limit import rate_limit_at
 
@@ -127,7 +121,7 @@ class SimulatedObserver:
         ramp : PlannedTrial
             The trial.
         rng : numpy.random.Generator
-            Chance; `answer_generator` gives each trial its own.
+            Chance, of this trial alone.
         """
         two = ramp.ramp_interval is not None
         procedure = Procedure.TWO_INTERVAL if two else Procedure.YES_NO
@@ -136,21 +130,6 @@ class SimulatedObserver:
         if not two:
             return Response.YES if success else Response.NO
         return Response.FIRST if success == (ramp.ramp_interval == 1) else Response.SECOND
-
-
-def answer_generator(seed: int, order_index: int, trial_index: int) -> np.random.Generator:
-    """Return the chance of one answer, which is the trial's own.
-
-    A session that was broken off and taken up again so gets the answers that it would have got unbroken.
-
-    Parameters
-    ----------
-    seed, order_index : int
-        Of the session.
-    trial_index : int
-        Of the trial.
-    """
-    return generator_for(seed, order_index, Purpose.ANSWERS, trial_index)
 
 
 def two_interval_ratio(width: float, guess_rate: float, lapse_rate: float) -> float:
@@ -200,32 +179,3 @@ def draw_observer(
         up_ratio=people.up_ratio,
         caution=people.median_two_interval_ratio / two_interval_ratio(width, guess_rate, lapse_rate),
     )
-
-
-class RampAnswers:
-    """Answers to ramps."""
-
-    def __init__(self, observer: SimulatedObserver, keys: Keys, session: tuple[int, int]) -> None:
-        self._observer, self._session = observer, session
-        self._key_of = {
-            Response.YES: keys.yes,
-            Response.NO: keys.no,
-            Response.FIRST: keys.first,
-            Response.SECOND: keys.second,
-        }
-
-    def key(self, planned: PlannedTrial, trial_index: int) -> str:
-        """Return the key that is pressed when a trial is asked about."""
-        response = self._observer.answer(planned, answer_generator(*self._session, trial_index))
-        return self._key_of[response]
-
-    def search_time(self, planned: Any, trial_index: int) -> None:
-        """Return None: nothing is searched for."""
-
-
-def ramp_answers(setting: SessionSetting, rng: np.random.Generator) -> AnswersOf:
-    """Return what makes the answers to the ramps of a session: an observer drawn from the population."""
-    design: Any = setting.manifest.design
-    luminances = tuple(level.luminance for level in ramp_levels(design, setting.display))
-    observer = draw_observer(load_rate_limit(MEDIAN_RATE_LIMIT), luminances, rng)
-    return lambda session: RampAnswers(observer, setting.rig.keys, session)

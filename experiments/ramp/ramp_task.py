@@ -172,7 +172,7 @@ class RampTask(Task):
 
     def row(self, planned: PlannedTrial, answer: Response, columns: dict[str, Any]) -> RampTrial:
         """Return the record of an answered ramp."""
-        return RampTrial(**planned.columns, **columns, response=answer)
+        return ramp_row(planned, answer, columns)
 
     def _gaps(
         self, planned: PlannedTrial, place: TrialPlace, intervals: list[RampInterval]
@@ -230,3 +230,8 @@ class RampTask(Task):
         if self.rig.actuator is Actuator.BACKLIGHT:  # pixels draw the screen at full brightness
             drawn = float(displayed_luminance(planned.level.pixel_value, self.setting.display))
         return mark_contrast(drawn, self.setting.display)
+
+
+def ramp_row(planned: PlannedTrial, answer: Response, columns: dict[str, Any]) -> RampTrial:
+    """Return the record of an answered ramp; the columns are those of `Task.row`."""
+    return RampTrial(**planned.columns, **columns, response=answer)

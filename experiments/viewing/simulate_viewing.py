@@ -1,4 +1,4 @@
-"""Many simulated participants of a viewing experiment at once, without a window."""
+"""Many simulated participants of an experiment at once, without a window."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.recordings.assumed_effect import AssumedEffect
 from evenlight.data_schema.recordings.dataset_layout import SIMULATED_TRUTH
@@ -22,14 +21,17 @@ from evenlight.data_schema.recordings.dataset_writing import (
 )
 from evenlight.data_schema.recordings.ramp import Trial
 from evenlight.data_schema.recordings.rig import Actuator, Rig
+from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
 from evenlight.data_schema.storage.text_files import write_json
 from evenlight.experiments.design_files import load_task_design
 from evenlight.experiments.experiment_kinds import EXPERIMENTS
-from evenlight.experiments.ramp.simulate_ramp import SESSION, participant_id, simulated_manifest
+from evenlight.experiments.sessions.fixed_order import FixedOrder
 from evenlight.experiments.sessions.task import SessionSetting, Task
 from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli, track_display
 from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, Viewing
 from evenlight.method.preset_files import DEFAULT_DISPLAY, load_display
+
+SESSION = "01"
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,7 @@ class ViewingSimulation:
     design : record
         The experiment's.
     stimuli : sequence of LoadedStimulus
-        The sequences of the design.
+        The sequences of the design; none of ramps.
     """
 
     participants: int
@@ -57,17 +59,21 @@ class ViewingSimulation:
     task: str
     display: Display
     design: Any
-    stimuli: Sequence[LoadedStimulus]
+    stimuli: Sequence[LoadedStimulus] = ()
 
     def setting(self, participant: str, order_index: int, provenance: Provenance) -> SessionSetting:
         """Return what a participant's session is made from."""
-        manifest = simulated_manifest(
-            self,
-            participant,
-            order_index,
+        manifest = SessionManifest(
+            participant_id=participant,
+            session_id=SESSION,
             task=self.task,
+            simulated=True,
+            status=SessionStatus.COMPLETE,
             n_trials=0,
+            display=self.display,
+            design=self.design,
             provenance=provenance,
+            order_index=order_index,
             stimuli=tuple(stimulus.stimulus for stimulus in self.stimuli),
         )
         rig = Rig(
@@ -75,7 +81,8 @@ class ViewingSimulation:
             self.display.name,
             viewing_distance=1.0,
             refresh_rate=60.0,
-            actuator=Actuator.BACKLIGHT,  # as the model dims: all that the display emits, its black included
+            # Videos dim as the model has it: all that the display emits, its black included.
+            actuator=Actuator.PIXELS if self.task == "ramp" else Actuator.BACKLIGHT,
             backlight="simulated",
         )
         return SessionSetting(manifest, rig, self.stimuli)
@@ -114,7 +121,7 @@ def load_simulation(
 def simulate_viewing(
     simulation: ViewingSimulation, dataset: Path, report: Callable[[int], None] = lambda done: None
 ) -> None:
-    """Write a data set of simulated sessions of a viewing experiment, and the truth behind it.
+    """Write a data set of simulated sessions of an experiment, and the truth behind it.
 
     Parameters
     ----------
@@ -141,15 +148,12 @@ def simulate_viewing(
         write_participants(staging, ids, simulated=True)
         truths = []
         for setting in settings:
-            viewer = SimulatedViewer(viewing, setting.session)
-            task = experiment.task(setting)
-            trials = answered_trials(task, setting.manifest.participant_id, viewer)
+            viewer, task = SimulatedViewer(viewing, setting.session), experiment.task(setting)
+            trials = answered_trials(task, task.row, setting.manifest.participant_id, viewer)
             write_session(staging, dataclasses.replace(setting.manifest, n_trials=len(trials)), trials)
             truths.append({"participant_id": setting.manifest.participant_id, **viewer.truth()})
             report(len(truths))
-        truth = _truth_file(simulation, viewing, truths)
-        assumed = [mapping_from_record(effect) for effect in viewing.assumed(settings[0])]
-        write_json(staging / SIMULATED_TRUTH, {**truth, "assumed": assumed})
+        write_json(staging / SIMULATED_TRUTH, viewing.truth_file(settings[0], truths))
 
 
 def repeated_viewing(
@@ -181,13 +185,25 @@ def _trials_of(simulation: ViewingSimulation, viewing: Viewing, provenance: Prov
         who = participant_id(place, simulation.participants)
         setting = simulation.setting(who, place, provenance)
         task = EXPERIMENTS[simulation.task].task(setting)
-        yield from answered_trials(task, who, SimulatedViewer(viewing, setting.session))
+        yield from answered_trials(task, task.row, who, SimulatedViewer(viewing, setting.session))
 
 
-def answered_trials(task: Task, participant: str, viewer: SimulatedViewer) -> list[Trial]:
-    """Return the trials of a session as a simulated participant answers them; practice is left out."""
-    trials: list[Trial] = []
-    while (planned := task.next_trial()) is not None:
+def answered_trials(
+    order: FixedOrder | Task, row: Callable[..., Any], participant: str, viewer: SimulatedViewer
+) -> list[Any]:
+    """Return the trials of a session as a simulated participant answers them; practice is left out.
+
+    Parameters
+    ----------
+    order : FixedOrder or Task
+        What comes next.
+    row : callable
+        Makes the record of a trial of what was planned, the answer, and the other columns.
+    participant, viewer : str, SimulatedViewer
+        Who answers.
+    """
+    trials: list[Any] = []
+    while (planned := order.next_trial()) is not None:
         columns = {
             "participant_id": participant,
             "session_id": SESSION,
@@ -196,21 +212,16 @@ def answered_trials(task: Task, participant: str, viewer: SimulatedViewer) -> li
             "response_time": None,
             **viewer.viewing.columns(planned),
         }
-        trial = task.row(planned, viewer.answer(planned, len(trials)), columns)
-        task.take(trial)
+        trial = row(planned, viewer.answer(planned, len(trials)), columns)
+        order.take(trial)
         trials.append(trial)
     return trials
 
 
-def _truth_file(
-    simulation: ViewingSimulation, viewing: Viewing, participants: list[dict[str, Any]]
-) -> dict[str, Any]:
-    """Return the content of the file that holds the truth."""
-    return {
-        "simulated": True,
-        "task": simulation.task,
-        "seed": simulation.seed,
-        "population": mapping_from_record(viewing.population) if viewing.population else {},
-        "stimuli": viewing.shared_truth(),
-        "participants": participants,
-    }
+def participant_id(order_index: int, participants: int) -> str:
+    """Return the id of a simulated participant.
+
+    >>> participant_id(0, 10)
+    '01'
+    """
+    return f"{order_index + 1:0{max(2, len(str(participants)))}d}"

@@ -50,6 +50,10 @@ class Viewing(AbstractContextManager["Viewing"]):
         """Return a participant."""
         raise NotImplementedError  # the task's own; others here have a default
 
+    def person_of(self, session: tuple[int, int]) -> Any:
+        """Return the participant of a seed and a place in the data set, always the same one."""
+        return self.draw(generator_for(*session, self.purposes[0]))
+
     def answer(self, person: Any, planned: Any, rng: np.random.Generator) -> Any:
         """Return what a participant answers to a trial."""
         raise NotImplementedError  # the task's own
@@ -69,6 +73,18 @@ class Viewing(AbstractContextManager["Viewing"]):
     def assumed(self, setting: SessionSetting) -> tuple[AssumedEffect, ...]:
         """Return the effects that the population truly has, which an analysis of its answers estimates."""
         return ()
+
+    def truth_file(self, setting: SessionSetting, participants: list[dict[str, Any]]) -> dict[str, Any]:
+        """Return what is true of a data set, one of its sessions being made in some setting."""
+        return {
+            "simulated": True,
+            "task": setting.manifest.task,
+            "seed": setting.session[0],
+            "population": mapping_from_record(self.population) if self.population else {},
+            "stimuli": self.shared_truth(),
+            "participants": participants,
+            "assumed": [mapping_from_record(effect) for effect in self.assumed(setting)],
+        }
 
     def population_sample(self) -> list[Any]:
         """Return people of the population, always the same ones."""
@@ -94,7 +110,7 @@ class SimulatedViewer:
 
     def __init__(self, viewing: Any, session: tuple[int, int], person: Any = None) -> None:
         self.viewing, self._session = viewing, session
-        self.person = person or viewing.draw(generator_for(*session, viewing.purposes[0]))
+        self.person = person or viewing.person_of(session)
 
     def answer(self, planned: Any, trial_index: int) -> Any:
         """Return the answer to a trial, always the same one."""

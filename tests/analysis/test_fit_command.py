@@ -7,15 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.published_rate_limit import published_fit
 from evenlight.analysis.fit_commands import fit
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.threshold import Threshold
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
-from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, simulate_viewing
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 
@@ -28,8 +26,7 @@ CONTRACT = (
 
 def simulate(folder: Path, participants: int, design: RampDesign, seed: int = 3) -> Path:
     display = load_display("varjo-xr3")
-    limit = published_fit(display).limit
-    simulate_dataset(RampSimulation(participants, seed, display, design, limit, ObserverPopulation()), folder)
+    simulate_viewing(ViewingSimulation(participants, seed, "ramp", display, design), folder)
     return folder
 
 

@@ -19,9 +19,8 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampDesign
 from evenlight.data_schema.storage.text_files import read_json_record
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
-from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
-from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, simulate_viewing
+from evenlight.method.preset_files import load_display
 from evenlight.method.rate_limit import rate_limit_at
 
 LINE = RateLimitOptions(RateLimitForm.LOG_LOG, degree=1)
@@ -33,10 +32,8 @@ def section(calibration: Calibration, which: int) -> Section:
 
 
 def made(folder: Path, design: RampDesign, participants: int = 3) -> Calibration:
-    display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
-    simulate_dataset(
-        RampSimulation(participants, 5, display, design, limit, ObserverPopulation()), folder / "dataset"
-    )
+    asked = ViewingSimulation(participants, 5, "ramp", load_display("varjo-xr3"), design)
+    simulate_viewing(asked, folder / "dataset")
     return calibrate(load_ramp_data(folder / "dataset"), LINE)
 
 

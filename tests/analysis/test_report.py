@@ -39,8 +39,7 @@ from evenlight.analysis.tracks.closed_loop import (
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
-from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, simulate_viewing
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 HASH = "ab" * 32
@@ -98,9 +97,8 @@ def summary(**changed: object) -> OptimizationSummary:
 @pytest.fixture(scope="module")
 def calibration(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
     folder = tmp_path_factory.mktemp("report") / "dataset"
-    display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
     design = RampDesign(factors=(0.4, 1.0), repetitions=3)
-    simulate_dataset(RampSimulation(2, 5, display, design, limit, ObserverPopulation()), folder)
+    simulate_viewing(ViewingSimulation(2, 5, "ramp", load_display("varjo-xr3"), design), folder)
     return calibrate(load_ramp_data(folder), RateLimitOptions(degree=1))
 
 

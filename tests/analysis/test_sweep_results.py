@@ -32,10 +32,9 @@ from evenlight.data_schema.recordings.sweep_fit import (
     SweepFlag,
 )
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
-from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
+from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, simulate_viewing
 from evenlight.hardware.simulated.panel import PanelPhysics
-from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.preset_files import load_display
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 
@@ -372,9 +371,7 @@ def test_ramps_and_sweeps_are_fitted_together_and_a_bad_sweep_spoils_no_ramp(
 ) -> None:
     dataset, out = tmp_path / "dataset", tmp_path / "out"
     display = load_display("varjo-xr3")
-    limit = load_rate_limit("surace2025")
-    simulation = RampSimulation(2, 3, display, RampDesign(repetitions=2), limit, ObserverPopulation())
-    simulate_dataset(simulation, dataset)
+    simulate_viewing(ViewingSimulation(2, 3, "ramp", display, RampDesign(repetitions=2)), dataset)
     luminance_folder(dataset / "sweeps" / "luminance-sweep_01")
     few = readings_of_power()[:5]
     write_sweep(dataset / "sweeps" / "power-sweep_01", POWER, few, status=SessionStatus.ABORTED)

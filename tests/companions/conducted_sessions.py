@@ -13,13 +13,15 @@ from evenlight.data_schema.recordings.dataset_writing import enrol
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
-from evenlight.experiments.ramp.ramp_observer import RampAnswers, SimulatedObserver
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
+from evenlight.experiments.ramp.ramp_viewing import RampViewing
 from evenlight.experiments.sessions.conduct_session import SessionParts, conduct_session
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session
 from evenlight.experiments.sessions.staging import BlindStage
 from evenlight.experiments.sessions.task import SimulatedParticipant
 from evenlight.experiments.stage import RampInterval, ShownInterval
+from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, ViewingAnswers
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.method.preset_files import load_rate_limit
@@ -63,7 +65,8 @@ class Sitter(SimulatedParticipant):
     """A simulated participant who presses the pause key on pages with some words."""
 
     def __init__(self, stage: Stage, *stops_at: str, observer: SimulatedObserver = OBSERVER) -> None:
-        super().__init__(RampAnswers(observer, KEYS, (1, 0)), stage.keyboard.queue, KEYS, (1, 0))
+        viewer = SimulatedViewer(RampViewing(DESIGN, DISPLAY), (1, 0), observer)
+        super().__init__(ViewingAnswers(viewer, KEYS), stage.keyboard.queue, KEYS, (1, 0))
         self._stage, self._stops_at = stage, list(stops_at)
 
     def see_page(self, keys: Sequence[str]) -> None:

@@ -37,9 +37,10 @@ from evenlight.experiments.live_view import (
     live_view,
     watch_session,
 )
-from evenlight.experiments.ramp.ramp_observer import MEDIAN_RATE_LIMIT, ObserverPopulation
-from evenlight.experiments.ramp.simulate_ramp import RampSimulation, answered_session, participant_of
-from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
+from evenlight.experiments.ramp.ramp_viewing import RampViewing
+from evenlight.experiments.ramp.simulate_ramp import answered_session
+from evenlight.method.preset_files import load_display
 
 DISPLAY = load_display("varjo-xr3")
 
@@ -99,8 +100,7 @@ def test_the_intervals_hold_the_true_thresholds_as_often_as_they_say() -> None:
     design = load_design("yes_no_targeted")
     held = []
     for k in range(10):
-        simulation, trials = simulated(design, k)
-        observer = participant_of(simulation, k)
+        observer, trials = simulated(design, k)
         for level in levels_after(design, trials):
             truth = observer.function_at(level.luminance, design.procedure, *level.level[2:]).threshold
             held.append(level.ci_low <= truth <= level.ci_high)
@@ -130,11 +130,10 @@ def test_flagged_and_practice_trials_do_not_count_towards_a_threshold() -> None:
     assert thresholds.levels() == []
 
 
-def simulated(design: RampDesign, order_index: int) -> tuple[RampSimulation, list[Any]]:
-    limit = load_rate_limit(MEDIAN_RATE_LIMIT)
-    simulation = RampSimulation(10, 5, DISPLAY, design, limit, ObserverPopulation())
-    observer = participant_of(simulation, order_index)
-    return simulation, answered_session(simulation, order_index, f"{order_index + 1:02d}", observer)
+def simulated(design: RampDesign, order_index: int) -> tuple[SimulatedObserver, list[Any]]:
+    viewing, session = RampViewing(design, DISPLAY), (5, order_index)
+    observer = viewing.person_of(session)
+    return observer, answered_session(viewing, session, f"{order_index + 1:02d}", observer)
 
 
 def answered(design: RampDesign, participants: int) -> list[Any]:

@@ -19,7 +19,8 @@ from evenlight.data_schema.recordings.ramp import (
     Response,
     TrialFlag,
 )
-from evenlight.experiments.ramp.ramp_observer import SimulatedObserver, answer_generator
+from evenlight.experiments.chance import Purpose, generator_for
+from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.method.preset_files import load_rate_limit
@@ -47,7 +48,7 @@ DESIGNS = {
 def answered(
     design: RampDesign, ramp: PlannedTrial, index: int, flag: TrialFlag = TrialFlag.NONE, **changed: object
 ) -> RampTrial:
-    response = OBSERVER.answer(ramp, answer_generator(SEED, 0, index))
+    response = OBSERVER.answer(ramp, generator_for(SEED, 0, Purpose.ANSWERS, index))
     columns = {
         "participant_id": "01",
         "session_id": "01",

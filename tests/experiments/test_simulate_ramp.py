@@ -13,7 +13,6 @@ from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTri
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.storage.text_files import read_json_record, write_toml_record
 from evenlight.experiments.design_files import load_design
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
 from evenlight.experiments.ramp.ramp_plan import ramp_levels
 from evenlight.experiments.ramp.ramp_schedule import RampSchedule
 from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
@@ -189,9 +188,7 @@ def test_the_truth_has_a_threshold_for_every_level_direction_and_duration(crosse
 
 def test_answers_in_memory_are_those_of_the_data_set(crossed: Path) -> None:
     design, display = load_design("durations_and_directions"), load_display("varjo-xr3")
-    in_memory, _ = simulated_trials_and_thresholds(
-        design, display, participants=2, seed=7, population=ObserverPopulation()
-    )
+    in_memory, _ = simulated_trials_and_thresholds(design, display, participants=2, seed=7)
     written = [
         record_from_mapping(RampTrial, line, "line") for who in ("01", "02") for line in trials(crossed, who)
     ]

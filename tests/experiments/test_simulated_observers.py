@@ -7,10 +7,10 @@ import pytest
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
+from evenlight.experiments.chance import Purpose, generator_for
 from evenlight.experiments.ramp.ramp_observer import (
     ObserverPopulation,
     SimulatedObserver,
-    answer_generator,
     draw_observer,
 )
 from evenlight.experiments.ramp.ramp_plan import RampCondition, RampLevel, planned_ramp
@@ -99,7 +99,9 @@ def test_an_answer_depends_on_seed_participant_and_trial_alone() -> None:
     who, planned = observer(), ramp(60.0, observer().threshold_at(60.0))
 
     def answers(seed: int, order_index: int, trials: range) -> list[Response]:
-        return [who.answer(planned, answer_generator(seed, order_index, trial)) for trial in trials]
+        return [
+            who.answer(planned, generator_for(seed, order_index, Purpose.ANSWERS, trial)) for trial in trials
+        ]
 
     assert answers(1, 0, range(50))[30:] == answers(1, 0, range(30, 50))
     assert answers(1, 0, range(50)) != answers(1, 1, range(50))

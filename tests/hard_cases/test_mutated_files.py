@@ -52,12 +52,14 @@ from evenlight.data_schema.tracks.brightness_track import (
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.experiments import design_files
 from evenlight.experiments.design_files import load_sweep_design, load_task_design
-from evenlight.experiments.ramp.ramp_observer import ObserverPopulation
-from evenlight.experiments.ramp.simulate_ramp import RampSimulation, simulate_dataset
 from evenlight.experiments.sessions import pages
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import resume_session
-from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
+from evenlight.experiments.viewing.simulate_viewing import (
+    ViewingSimulation,
+    load_simulation,
+    simulate_viewing,
+)
 from evenlight.hardware.backlight_curve import read_backlight_curve
 from evenlight.hardware.luminance_table import luminance_readings_from_csv
 from evenlight.hardware.protocols import InstrumentError
@@ -148,10 +150,9 @@ def written(out: Path, write: Callable[[], object]) -> None:
 
 def simulate_design(out: Path, design: Path) -> None:
     """A data set of two simulated participants in a design."""
-    display, limit = load_display("varjo-xr3"), load_rate_limit("surace2025")
     loaded = design_files.load_design(str(design))
-    asked = RampSimulation(1, 1, display, loaded, limit, ObserverPopulation())
-    written(out, lambda: simulate_dataset(asked, out))
+    asked = ViewingSimulation(1, 1, "ramp", load_display("varjo-xr3"), loaded)
+    written(out, lambda: simulate_viewing(asked, out))
 
 
 def session_read(dataset: Path, out: Path) -> None:
@@ -226,10 +227,8 @@ def kinds(tmp_path_factory, make_stimulus, make_video) -> dict[str, Kind]:
     shutil.copytree(pages.SHIPPED / "de", root / "pages")
     shutil.copy(catalogue.PATHS / "gym.json", root / "path.json")
     write_power(root / "power")
-    limit = load_rate_limit("surace2025")
     design = design_files.load_design("quick")
-    asked = RampSimulation(2, 1, load_display("varjo-xr3"), design, limit, ObserverPopulation())
-    simulate_dataset(asked, root / "lab")
+    simulate_viewing(ViewingSimulation(2, 1, "ramp", load_display("varjo-xr3"), design), root / "lab")
     make_sweeps(root / "sweeps")
     interrupted(root)
     return kinds_in(root)
