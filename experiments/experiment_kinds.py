@@ -22,26 +22,14 @@ from evenlight.experiments.viewing.simulated_viewers import OpenViewing, viewing
 
 @dataclass(frozen=True, slots=True)
 class Experiment:
-    """An experiment.
+    """An experiment."""
 
-    Attributes
-    ----------
-    title : str
-        What it is, in the name of a simulated data set.
-    task : callable
-        Makes its task in a setting.
-    viewing : callable or None
-        Opens what its simulated observers see in a setting; None for tasks without one.
-    shows_videos : bool
-        Whether the videos of its sequences are shown.
-    pages : mapping of str to mapping of str to str
-        By language: pages that do not lie in `pages/`, by their names.
-    """
-
-    title: str
-    task: Callable[[SessionSetting], Task]
+    title: str  # what it is, in the name of a simulated data set
+    task: Callable[[SessionSetting], Task]  # makes its task in a setting
+    # opens what its simulated observers see in a setting; None for tasks without one
     viewing: OpenViewing | None
-    shows_videos: bool = True
+    shows_videos: bool = True  # whether the videos of its sequences are shown
+    # by language: pages that do not lie in `pages/`, by their names
     pages: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
 
 

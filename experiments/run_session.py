@@ -36,7 +36,6 @@ from evenlight.experiments.sessions.staging import Staging, open_stage, smallest
 from evenlight.experiments.sessions.task import (
     Answers,
     Participant,
-    Person,
     PressKey,
     SessionSetting,
     SimulatedParticipant,
@@ -63,75 +62,37 @@ REHEARSAL_SEED = 1
 
 @dataclass(frozen=True, slots=True)
 class SessionRequest:
-    """What an experimenter asked for.
+    """What an experimenter asked for."""
 
-    Attributes
-    ----------
-    task : str
-        Which experiment.
-    dataset : Path
-        Where the session goes.
-    participant_id, session_id : str
-        Whose, and which visit.
-    rig : Rig
-        What it runs on.
-    display : Display
-        The rig's calibrated display.
-    design : Design or None
-        What is shown; None for the task's default, or for that of the session to be resumed.
-    pages : Pages
-        What is said.
-    staging : Staging
-        With a window or without, with a person or a simulated observer.
-    seed : int or None
-        Of everything random; None for one drawn now.
-    resume : bool
-        Whether a session that is there already is to be gone on with.
-    stimuli : Path or None
-        Folder with the sequences of a viewing experiment.
-    old_calibration : str
-        What is wrong with the age of the display's calibration, which was accepted; else empty.
-    """
-
-    task: str
-    dataset: Path
+    task: str  # which experiment
+    dataset: Path  # where the session goes
+    # whose, and which visit
     participant_id: str
     session_id: str
-    rig: Rig
-    display: Display
+    rig: Rig  # what it runs on
+    display: Display  # the rig's calibrated display
+    # what is shown; None for the task's default, or for that of the session to be resumed
     design: Design | None
-    pages: Pages
-    staging: Staging
-    seed: int | None = None
-    resume: bool = False
-    stimuli: Path | None = None
+    pages: Pages  # what is said
+    staging: Staging  # with a window or without, with a person or a simulated observer
+    seed: int | None = None  # of everything random; None for one drawn now
+    resume: bool = False  # whether a session that is there already is to be gone on with
+    stimuli: Path | None = None  # folder with the sequences of a viewing experiment
+    # what is wrong with the age of the display's calibration, which was accepted; else empty
     old_calibration: str = ""
 
 
 @dataclass(frozen=True, slots=True)
 class SessionOutcome:
-    """How a session ended.
+    """How a session ended."""
 
-    Attributes
-    ----------
-    status : SessionStatus
-        How far it got.
-    done, planned : int
-        Usable trials.
-    flagged : int
-        Trials left out of the analysis.
-    folder : Path
-        Where it lies.
-    reason : str
-        Why it was stopped; empty otherwise.
-    """
-
-    status: SessionStatus
+    status: SessionStatus  # how far it got
+    # usable trials
     done: int
     planned: int
-    flagged: int
-    folder: Path
-    reason: str = ""
+    flagged: int  # trials left out of the analysis
+    folder: Path  # where it lies
+    reason: str = ""  # why it was stopped; empty otherwise
 
 
 def run_session(
@@ -396,5 +357,5 @@ def _participant(
 ) -> Participant:
     """Return who answers: a person, or the simulated observer of this session."""
     if simulated is None or press is None:
-        return Person()
+        return Participant()
     return SimulatedParticipant(simulated(setting.session), press, setting.rig.keys, setting.session)

@@ -27,32 +27,15 @@ IMAGE = -1.0  # in place of a pixel value, of an image: no uniform screen has it
 
 @dataclass(frozen=True, slots=True)
 class Screen:
-    """What a session shows on, handed to the players of clips, searches and flashes.
+    """What a session shows on, handed to the players of clips, searches and flashes."""
 
-    Attributes
-    ----------
-    window : Window
-        The window.
-    rig : Rig
-        Refresh rate, dithering, actuator, keys.
-    display : Display
-        The rig's calibrated display.
-    brightness : Brightness
-        Pixels, or the backlight behind them.
-    screenshots : Screenshots
-        Pictures of the screens.
-    take_pause : callable
-        Raises `PausePressed` if the pause key was pressed.
-    mark : callable, optional
-        Is told, before a flip, what kind of stimulus it shows; for triggers.
-    """
-
-    window: Window
-    rig: Rig
-    display: Display
-    brightness: Brightness
-    screenshots: Screenshots
-    take_pause: Callable[[], None]
+    window: Window  # the window
+    rig: Rig  # refresh rate, dithering, actuator, keys
+    display: Display  # the rig's calibrated display
+    brightness: Brightness  # pixels, or the backlight behind them
+    screenshots: Screenshots  # pictures of the screens
+    take_pause: Callable[[], None]  # raises `PausePressed` if the pause key was pressed
+    # is told, before a flip, what kind of stimulus it shows; for triggers
     mark: Callable[[str], None] = lambda stimulus: None
 
     def show(

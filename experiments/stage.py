@@ -75,31 +75,17 @@ class RampInterval:
 
 @dataclass(frozen=True, slots=True)
 class ShownInterval:
-    """What the display showed of an interval.
+    """What the display showed of an interval."""
 
-    Attributes
-    ----------
-    onset : float
-        When the first frame appeared, on the stage's clock [s].
-    flip_times : tuple of float
-        Of each frame, since the first [s].
-    intended_luminance : tuple of float
-        Of each frame [cd/m^2].
-    probe_frames, probe_luminance : tuple of int, tuple of float
-        Frames that were read back, and their mean luminance [cd/m^2].
-    backlight_factors : tuple of float
-        As the backlight reported; empty where pixels make the brightness.
-    frames_dropped : int
-        Refreshes that passed without a new frame.
-    """
-
-    onset: float
-    flip_times: tuple[float, ...]
-    intended_luminance: tuple[float, ...]
+    onset: float  # when the first frame appeared, on the stage's clock [s]
+    flip_times: tuple[float, ...]  # of each frame, since the first [s]
+    intended_luminance: tuple[float, ...]  # of each frame [cd/m^2]
+    # frames that were read back, and their mean luminance [cd/m^2]
     probe_frames: tuple[int, ...] = ()
     probe_luminance: tuple[float, ...] = ()
+    # as the backlight reported; empty where pixels make the brightness
     backlight_factors: tuple[float, ...] = ()
-    frames_dropped: int = 0
+    frames_dropped: int = 0  # refreshes that passed without a new frame
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -139,39 +125,22 @@ class Clip:
 
 @dataclass(frozen=True, slots=True)
 class ShownClip:
-    """What the display showed of a clip.
+    """What the display showed of a clip."""
 
-    Attributes
-    ----------
-    onset : float
-        When the first frame appeared, on the stage's clock [s].
-    flip_times : tuple of float
-        Of each refresh, since the first [s].
-    video_frames : tuple of int
-        Frame of the video that each refresh showed, from 0.
-    factors : tuple of float
-        Brightness factor that each refresh showed.
-    backlight_factors : tuple of float
-        As the backlight reported; empty where pixels make the brightness.
-    probe_refreshes, probe_luminance, probe_intended : tuple
-        Refreshes that were read back, the mean luminance of the video's middle then, and what it was to be
-        [cd/m^2].
-    frames_dropped : int
-        Refreshes that passed without a new frame.
-    waited : float
-        How much longer than asked for the uniform field before the clip was shown, because too little of the
-        video was read yet [s].
-    """
-
-    onset: float
-    flip_times: tuple[float, ...]
-    video_frames: tuple[int, ...]
-    factors: tuple[float, ...]
+    onset: float  # when the first frame appeared, on the stage's clock [s]
+    flip_times: tuple[float, ...]  # of each refresh, since the first [s]
+    video_frames: tuple[int, ...]  # frame of the video that each refresh showed, from 0
+    factors: tuple[float, ...]  # brightness factor that each refresh showed
+    # as the backlight reported; empty where pixels make the brightness
     backlight_factors: tuple[float, ...] = ()
+    # refreshes that were read back, the mean luminance of the video's middle then, and what it was to be
+    # [cd/m^2]
     probe_refreshes: tuple[int, ...] = ()
     probe_luminance: tuple[float, ...] = ()
     probe_intended: tuple[float, ...] = ()
-    frames_dropped: int = 0
+    frames_dropped: int = 0  # refreshes that passed without a new frame
+    # how much longer than asked for the uniform field before the clip was shown, because too little of the
+    # video was read yet [s]
     waited: float = 0.0
 
 
@@ -209,34 +178,19 @@ class SearchView:
 
 @dataclass(frozen=True, slots=True)
 class SearchResult:
-    """How a search went.
+    """How a search went."""
 
-    Attributes
-    ----------
-    onset : float
-        When the scene appeared, on the stage's clock [s].
-    found_after : float or None
-        When the key was pressed, since the onset [s]; None if it was not.
-    flip_times : tuple of float
-        Of each refresh, since the first [s].
-    azimuths, altitudes : tuple of float
-        Direction of view of each refresh, from the first one and from the horizon [deg].
-    background_luminance : float
-        Mean luminance I that the display emits around the ring at full brightness [cd/m^2].
-    backlight_factors : tuple of float
-        As the backlight reported; empty where pixels make the brightness.
-    frames_dropped : int
-        Refreshes that passed without a new frame.
-    """
-
-    onset: float
-    found_after: float | None
-    flip_times: tuple[float, ...]
+    onset: float  # when the scene appeared, on the stage's clock [s]
+    found_after: float | None  # when the key was pressed, since the onset [s]; None if it was not
+    flip_times: tuple[float, ...]  # of each refresh, since the first [s]
+    # direction of view of each refresh, from the first one and from the horizon [deg]
     azimuths: tuple[float, ...]
     altitudes: tuple[float, ...]
+    # mean luminance I that the display emits around the ring at full brightness [cd/m^2]
     background_luminance: float
+    # as the backlight reported; empty where pixels make the brightness
     backlight_factors: tuple[float, ...] = ()
-    frames_dropped: int = 0
+    frames_dropped: int = 0  # refreshes that passed without a new frame
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,27 +42,13 @@ VIDEO_SUFFIXES = (".mkv", ".mp4", ".mov", ".avi", ".webm")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadedStimulus:
-    """A sequence with its track.
+    """A sequence with its track."""
 
-    Attributes
-    ----------
-    stimulus : Stimulus
-        What it is, for the manifest.
-    folder : Path
-        Where it lies.
-    track : BrightnessTrack
-        Its brightness track.
-    video : VideoSource or None
-        The video, where one is shown.
-    geometry : ScreenGeometry or None
-        How it is seen.
-    """
-
-    stimulus: Stimulus
-    folder: Path
-    track: BrightnessTrack
-    video: VideoSource | None = None
-    geometry: ScreenGeometry | None = None
+    stimulus: Stimulus  # what it is, for the manifest
+    folder: Path  # where it lies
+    track: BrightnessTrack  # its brightness track
+    video: VideoSource | None = None  # the video, where one is shown
+    geometry: ScreenGeometry | None = None  # how it is seen
 
     @property
     def name(self) -> str:

@@ -4,29 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from evenlight.data_schema.quantities import quantity
 from evenlight.experiments.follow.limited_backlight import LimitedBacklight
-from evenlight.experiments.follow.playback_state import PlaybackState
+from evenlight.experiments.follow.mpv_player import MpvPlayer
 
 WORTH_SAYING = 0.5  # [s] that the backlight takes to catch up
 SHOWN_EVERY = 0.5  # [s] of what is shown without a backlight
 ON_TARGET = 0.01  # of the factor wanted
-
-
-class FollowedPlayer(Protocol):
-    """A player whose film is followed."""
-
-    state: PlaybackState
-
-    def wait(self, seconds: float) -> None:
-        """Take what the player says for some time [s]."""
-
-    def ended(self) -> bool:
-        """Return whether it has ended; raise `InstrumentError` if it died."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +36,7 @@ class FollowLoop:
 
     Parameters
     ----------
-    player : FollowedPlayer
+    player : MpvPlayer
         Plays the film.
     follower : LimitedBacklight
         Sets the backlight.
@@ -63,7 +50,7 @@ class FollowLoop:
 
     def __init__(
         self,
-        player: FollowedPlayer,
+        player: MpvPlayer,
         follower: LimitedBacklight,
         clock: Callable[[], float],
         tell: Callable[[str], None],

@@ -126,10 +126,10 @@ class LiveDimmer:
             if self._shown is None and self._begins_by_budget:
                 first = self._governor.first_factor(self._slope)
                 self._way = _FactorPath(0.0, 0.0, first, first)
-        seen = self._meter.result()
-        if seen is not None and self._asked is not None:
-            self._known = self._asked, seen.loss
-            self._answer(seen.loss, now)
+        loss = self._meter.result()
+        if loss is not None and self._asked is not None:
+            self._known = self._asked, loss
+            self._answer(loss, now)
         self.factor = self._allowed(self._way.at(now), now)
         if self._meter.begin(self._way.last):
             self._asked = _PendingMeasurement(len(self.rows), self._way.last)

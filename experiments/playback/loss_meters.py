@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
@@ -22,35 +22,41 @@ CODES = 1024  # levels of the renderer's codes
 ONE_STRIP_IN = 4  # strips of rows that the processor counts, others each time (bench online: the error)
 
 
-class LossReading(Protocol):
-    """What is known of a picture."""
+class LossMeter:
+    """Measures the picture that was drawn last; its loss is waited for by nothing.
 
-    @property
-    def loss(self) -> float:
-        """𝓛_c at the factor asked for, in [0, 1]."""
+    Parameters
+    ----------
+    pictures, light, patient
+        As of `open_meter`.
 
+    Attributes
+    ----------
+    name : str
+        What measures: "cpu", or "gpu" and the renderer's name.
+    """
 
-class LossMeter(Protocol):
-    """Measures the picture that was drawn last; its loss is waited for by nothing."""
-
-    @property
-    def name(self) -> str:
-        """What measures: "cpu", or "gpu" and the renderer's name."""
+    def __init__(self, name: str, pictures: SceneRenderer, light: PictureLuminance, *, patient: bool) -> None:
+        self.name, self._pictures, self._light, self._patient = name, pictures, light, patient
 
     def mean_luminance(self) -> float:
         """Return its Ī at factor 1 [cd/m^2], before it is shown."""
+        return self._light.mean()
 
     def channel_means(self) -> Array:
         """Return the means of the linear R, G, B channels of the picture whose Ī was asked for last, (3,)."""
+        return self._light.channel_means()
 
     def begin(self, factor: float) -> bool:
         """Begin to measure at a factor; return False, and do nothing, while another is under way."""
+        raise NotImplementedError  # each kind has its own
 
-    def result(self) -> LossReading | None:
-        """Return what came of the one under way, or None as long as there is none."""
+    def result(self) -> float | None:
+        """Return 𝓛_c of the one under way at its factor, in [0, 1], or None as long as it is not known."""
+        raise NotImplementedError  # each kind has its own
 
     def close(self) -> None:
-        """Let go of what it holds."""
+        """Let go of what it holds; textures and buffers go with the window."""
 
 
 def open_meter(
@@ -113,21 +119,7 @@ def _on_gpu(context: moderngl.Context, device: Device) -> bool:
     return device is Device.GPU or not is_software(renderer_name(context))
 
 
-class _LightMeter:
-    """The part of a loss meter that both kinds share: the luminance of the picture drawn last."""
-
-    _light: PictureLuminance
-
-    def mean_luminance(self) -> float:
-        """Return Ī of the picture drawn last."""
-        return self._light.mean()
-
-    def channel_means(self) -> Array:
-        """Return the means of its channels."""
-        return self._light.channel_means()
-
-
-class ProcessorMeter(_LightMeter):
+class ProcessorMeter(LossMeter):
     """Measures on the processor, in a thread beside the one that draws.
 
     Of the fine bands of large pictures every fourth strip of rows counts, each time others, so that over four
@@ -135,10 +127,8 @@ class ProcessorMeter(_LightMeter):
 
     Parameters
     ----------
-    pictures, display, lowest_factor, patient
+    pictures, display, lowest_factor, light, patient
         As of `open_meter`.
-    light : PictureLuminance
-        Of the pictures.
     """
 
     def __init__(
@@ -152,30 +142,25 @@ class ProcessorMeter(_LightMeter):
     ) -> None:
         from evenlight.method.contrast.one_factor import OneFactorLoss
 
+        super().__init__("cpu", pictures, light, patient=patient)
         width, height = pictures.size
-        self._pictures, self._light, self._patient = pictures, light, patient
         self._turn = 0
         self._loss = OneFactorLoss(
             (height, width), display, lowest_factor=lowest_factor, one_strip_in=ONE_STRIP_IN
         )
         self._thread = ThreadPoolExecutor(1, "contrast loss")
-        self._under_way: Future[LossReading] | None = None
-
-    @property
-    def name(self) -> str:
-        """What measures."""
-        return "cpu"
+        self._under_way: Future[float] | None = None
 
     def begin(self, factor: float) -> bool:
         """Read the picture back, and hand it to the thread."""
         if self._under_way is not None:
             return False
-        pixels = self._pictures.pixel_values()
-        self._under_way = self._thread.submit(self._loss.of, pixels, factor, self._turn)
+        pixels, turn = self._pictures.pixel_values(), self._turn
+        self._under_way = self._thread.submit(lambda: self._loss.of(pixels, factor, turn).loss)
         self._turn += 1
         return True
 
-    def result(self) -> LossReading | None:
+    def result(self) -> float | None:
         """Return what the thread found, if it is done."""
         waiting = self._under_way
         if waiting is None or not (self._patient or waiting.done()):
@@ -188,17 +173,15 @@ class ProcessorMeter(_LightMeter):
         self._thread.shutdown(cancel_futures=True)
 
 
-class GpuMeter(_LightMeter):
+class GpuMeter(LossMeter):
     """Measures by compute shaders in the window's context, from the texture that is shown.
 
     Parameters
     ----------
-    context, pictures, patient
+    context, pictures, light, patient
         As of `open_meter`.
     loss : GpuLoss
         For pictures of that size.
-    light : PictureLuminance
-        Of the pictures.
     """
 
     def __init__(
@@ -210,15 +193,10 @@ class GpuMeter(_LightMeter):
         *,
         patient: bool,
     ) -> None:
-        self._context, self._pictures, self._loss, self._light = context, pictures, loss, light
-        self._patient, self._under_way = patient, False
-
-    @property
-    def name(self) -> str:
-        """What measures, and its name."""
         from evenlight.method.gpu.context import renderer_name
 
-        return f"gpu: {renderer_name(self._context)}"
+        super().__init__(f"gpu: {renderer_name(context)}", pictures, light, patient=patient)
+        self._context, self._loss, self._under_way = context, loss, False
 
     def begin(self, factor: float) -> bool:
         """Begin with the texture of codes."""
@@ -232,13 +210,10 @@ class GpuMeter(_LightMeter):
         self._under_way = True
         return True
 
-    def result(self) -> LossReading | None:
+    def result(self) -> float | None:
         """Return the answer, if the graphics processor has come to it."""
         if not self._under_way or not (self._patient or self._loss.ready()):
             return None
         self._under_way = False
         with graphics.own(self._context):
-            return self._loss.result()
-
-    def close(self) -> None:
-        """Textures and buffers go with the window."""
+            return self._loss.result().loss

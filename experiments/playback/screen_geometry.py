@@ -20,23 +20,13 @@ SAME_PIXELS = 0.01  # relative: a video this near to the display's density is sh
 
 @dataclass(frozen=True, slots=True)
 class ScreenGeometry:
-    """How a video lies on the visual field of someone who sees it on a display.
+    """How a video lies on the visual field of someone who sees it on a display."""
 
-    Attributes
-    ----------
-    size : (int, int)
-        Width and height of the video [pixels].
-    field_of_view : float or None
-        Horizontal angle that all of it spans [deg]; None if that is not known: it is shown pixel for pixel.
-    display : Display
-        What shows it.
-    analysed : float or None
-        Pixels of the video per degree that its track was made for; None if the track does not say.
-    """
-
-    size: tuple[int, int]
+    size: tuple[int, int]  # width and height of the video [pixels]
+    # horizontal angle that all of it spans [deg]; None if that is not known: it is shown pixel for pixel
     field_of_view: float | None
-    display: Display
+    display: Display  # what shows it
+    # pixels of the video per degree that its track was made for; None if the track does not say
     analysed: float | None
 
     @classmethod

@@ -33,22 +33,14 @@ from evenlight.method.preset_files import load_rate_limit
 
 @dataclass(frozen=True, slots=True)
 class RampViewing(Viewing):
-    """Ramps: answers are those of `Response`.
+    """Ramps: answers are those of `Response`."""
 
-    Attributes
-    ----------
-    design, display : RampDesign, Display
-        Which ramps, on what.
-    limit : RateLimit
-        The median person's yes/no threshold.
-    population : ObserverPopulation
-        How participants differ.
-    """
-
+    # which ramps, on what
     design: RampDesign
     display: Display
+    # the median person's yes/no threshold
     limit: RateLimit = field(default_factory=lambda: load_rate_limit(MEDIAN_RATE_LIMIT))
-    population: ObserverPopulation = field(default_factory=ObserverPopulation)
+    population: ObserverPopulation = field(default_factory=ObserverPopulation)  # how participants differ
     purposes: tuple[Purpose, Purpose] = (Purpose.PERSON, Purpose.ANSWERS)
 
     def draw(self, rng: np.random.Generator) -> SimulatedObserver:

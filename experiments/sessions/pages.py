@@ -42,23 +42,13 @@ PLACEHOLDERS = KEY_PLACEHOLDERS + GAP_PLACEHOLDERS + VALUE_PLACEHOLDERS
 
 @dataclass(frozen=True, slots=True)
 class Pages:
-    """The texts of a session in one language.
+    """The texts of a session in one language."""
 
-    Attributes
-    ----------
-    texts : dict of str to str
-        By the name of the page, placeholders in them.
-    key_names : dict of str to str
-        What keys are called in this language, by PsychoPy's names; others are called as they are printed.
-    font : Path or None
-        A lab's own font, for scripts that DejaVu Sans does not have.
-    roles : dict of str to str
-        In a headset: what is pressed on controllers, by the placeholders of keys; empty on a screen.
-    """
-
-    texts: Mapping[str, str]
+    texts: Mapping[str, str]  # by the name of the page, placeholders in them
+    # what keys are called in this language, by PsychoPy's names; others are called as they are printed
     key_names: Mapping[str, str]
-    font: Path | None = None
+    font: Path | None = None  # a lab's own font, for scripts that DejaVu Sans does not have
+    # in a headset: what is pressed on controllers, by the placeholders of keys; empty on a screen
     roles: Mapping[str, str] = field(default_factory=dict)
 
     def text(self, name: str, keys: Keys, **values: object) -> str:

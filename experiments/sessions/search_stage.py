@@ -261,13 +261,6 @@ class RingPicture:
     background_luminance: float  # mean luminance around the ring, of which its contrast is a share [cd/m^2]
 
 
-class RingPainter(Protocol):
-    """Makes the pictures of rings."""
-
-    def picture(self, scene: str, position: Vector, ring: Ring) -> RingPicture:
-        """Return a ring in a scene, seen from a position [m]."""
-
-
 class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
     """Draws rings in their scenes, without a window.
 

@@ -20,7 +20,7 @@ from evenlight.experiments.recordings import (
     frames_of_refreshes,
 )
 from evenlight.experiments.sessions.pages import Pages
-from evenlight.experiments.sessions.search_stage import OffscreenPainter, RingPainter, SearchTracker
+from evenlight.experiments.sessions.search_stage import OffscreenPainter, SearchTracker
 from evenlight.experiments.sessions.task import PressKey
 from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import (
@@ -43,7 +43,7 @@ from evenlight.hardware.rig_windows import open_keyboard, open_pointer, open_win
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.stimuli.ramp import frame_count, ramp_luminance
 
-OpenPainter = Callable[[], AbstractContextManager[RingPainter]]
+OpenPainter = Callable[[], AbstractContextManager[OffscreenPainter]]
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,7 +239,7 @@ class BlindStage(Stage):
         return searching.result(background)
 
     @functools.cached_property
-    def _painter(self) -> RingPainter:
+    def _painter(self) -> OffscreenPainter:
         """What draws rings; made for the first search, for it needs a graphics driver."""
         if self._open_painter is None:
             raise ValueError("a stage without a window needs a painter of rings for a search")

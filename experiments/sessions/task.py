@@ -92,8 +92,8 @@ class PracticeRule:
         return ends and sum(map(bool, right[-self.trials :])) >= self.correct
 
 
-class Participant(Protocol):
-    """Who sits at the keys: a person, of whom the program knows nothing, or a simulated observer."""
+class Participant:
+    """Who sits at the keys: a person, of whom the program knows nothing; or a simulated observer."""
 
     def see_page(self, keys: Sequence[str]) -> None:
         """Be shown a page that waits for one of some keys, the usual one first."""
@@ -263,20 +263,7 @@ class SessionSetting:
         return self.manifest.design
 
 
-class Person:
-    """A person: presses keys by themselves."""
-
-    def see_page(self, keys: Sequence[str]) -> None:
-        """Be shown a page."""
-
-    def see_trial(self, planned: object, trial_index: int) -> None:
-        """Have been shown a trial."""
-
-    def begin_search(self, planned: object, trial_index: int) -> None:
-        """Be about to search a scene."""
-
-
-class SimulatedParticipant:
+class SimulatedParticipant(Participant):
     """A simulated observer at the keys.
 
     Parameters

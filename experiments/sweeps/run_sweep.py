@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
@@ -19,8 +18,6 @@ from evenlight.data_schema.recordings.rig import Keys, Rig
 from evenlight.data_schema.recordings.session import EventKind, SessionStatus
 from evenlight.data_schema.recordings.sweep import (
     DESIGN_OF_SWEEP,
-    FEWEST_READINGS,
-    LuminanceReading,
     LuminanceSweepDesign,
     SweepDesign,
     SweepManifest,
@@ -29,6 +26,7 @@ from evenlight.data_schema.recordings.sweep import (
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.stage import PausePressed
 from evenlight.experiments.sweeps.doubtful_reading import doubt_of_last
+from evenlight.experiments.sweeps.import_sweep import import_sweep, is_imported
 from evenlight.experiments.sweeps.same_instruments import KINDS, known_again, without_addresses
 from evenlight.experiments.sweeps.sweep_devices import (
     SweepDevices,
@@ -47,7 +45,6 @@ from evenlight.experiments.sweeps.sweep_readings import (
     refuse_existing,
     resume_sweep,
 )
-from evenlight.hardware.luminance_table import luminance_readings_from_csv
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.rig import is_simulated
 from evenlight.hardware.rig_files import TABLE
@@ -359,70 +356,3 @@ def _opened(request: SweepRequest, manifest: SweepManifest) -> SweepStore:
 def _folder(request: SweepRequest) -> Path:
     """Return where the sweep lies."""
     return sweep_folder(request.dataset, request.task, request.session_id)
-
-
-def is_imported(luminance_meter: str, task: str) -> bool:
-    """Return whether a sweep is imported: its rig names a table in place of a luminance meter."""
-    return task == "luminance-sweep" and luminance_meter.startswith(TABLE)
-
-
-def import_sweep(dataset: Path, manifest: SweepManifest, *, resume: bool) -> tuple[int, Path]:
-    """Write the readings of a table as a sweep; return how many there are, and the sweep's folder.
-
-    The time of the readings is unknown, so the sweep and what is fitted to it carry no date.
-
-    Parameters
-    ----------
-    dataset : Path
-        Where to.
-    manifest : SweepManifest
-        What the sweep is, but for its levels, which are the table's: of its design only L_refl counts.
-    resume : bool
-        Whether an import that was interrupted is to be finished.
-
-    Raises
-    ------
-    InputError
-        If the table has too few readings of a level, or is none, or is not as it was.
-    """
-    path = Path(manifest.rig.luminance_meter.removeprefix(TABLE))
-    readings = luminance_readings_from_csv(path)
-    reflected = getattr(manifest.design, "reflected_luminance", 0.0)
-    design = dataclasses.replace(_design_of_table(readings, path), reflected_luminance=reflected)
-    if resume:
-        store = resume_sweep(dataset, manifest.task, manifest.session_id, str)
-    else:
-        require_dataset(dataset, manifest.simulated, manifest.provenance)
-        new = dataclasses.replace(manifest, design=design, n_readings=len(readings), started="")
-        store = begin_sweep(dataset, new, str)
-    with store:
-        done = len(store.readings)
-        if store.manifest.design != design or store.readings != readings[:done]:
-            raise InputError(f"{path}: is not as it was when its import began; give another --session")
-        if not store.happened(EventKind.STARTED):
-            store.note(EventKind.STARTED, f"readings made elsewhere, from {path.name}")
-        for reading in readings[done:]:
-            store.write(reading)
-        store.note(EventKind.COMPLETED)
-        store.change(status=SessionStatus.COMPLETE, apparatus={"luminance meter: table": path.name})
-        return len(readings), store.folder
-
-
-def _design_of_table(readings: list[LuminanceReading], path: Path) -> LuminanceSweepDesign:
-    """Return the design that a table followed."""
-    counts = Counter((reading.pixel_value, reading.factor) for reading in readings)
-    (value, factor), fewest = min(counts.items(), key=lambda item: item[1])
-    if fewest < FEWEST_READINGS:
-        level = f"pixel value {value:g}" + ("" if factor is None else f" at brightness factor {factor:g}")
-        raise InputError(
-            f"{path}: has {fewest} reading(s) of {level}; give at least {FEWEST_READINGS} of each level, so "
-            "that noise can be told from what the display does"
-        )
-    values = tuple(sorted({value for value, factor in counts if factor is None}))
-    factors = tuple(sorted({factor for _, factor in counts if factor is not None}))
-    try:
-        return LuminanceSweepDesign(
-            path.stem, values, factors, fewest, settle=0.0, warm_up=0.0, drift_pixel_values=()
-        )
-    except ValueError as error:
-        raise InputError(f"{path}: {error}") from None

@@ -23,20 +23,11 @@ Thresholds = Callable[[Array, Direction, float], Array]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LuminanceCourse:
-    """The mean luminance of a video over time, and what of its changes the modulation makes.
+    """The mean luminance of a video over time, and what of its changes the modulation makes."""
 
-    Attributes
-    ----------
-    times : array, (N,)
-        Of its frames, from 0 [s].
-    exposure : array, (N,)
-        Integral of the mean luminance up to each frame [cd s/m^2].
-    modulated, content : array, (N,)
-        What modulation and content have added to the luminance up to each frame [cd/m^2].
-    """
-
-    times: Array
-    exposure: Array
+    times: Array  # of its frames, from 0 [s]
+    exposure: Array  # integral of the mean luminance up to each frame [cd s/m^2]
+    # what modulation and content have added to the luminance up to each frame [cd/m^2]
     modulated: Array
     content: Array
 
@@ -71,14 +62,9 @@ def _cumulated(steps: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class BrightnessChanges:
-    """The strongest changes of each stretch of a video, in multiples of a person's threshold.
+    """The strongest changes of each stretch of a video, in multiples of a person's threshold."""
 
-    Attributes
-    ----------
-    modulated, content : array, (stretches,)
-        Of the modulation, and of the content.
-    """
-
+    # of the modulation, and of the content
     modulated: Array
     content: Array
 

@@ -48,43 +48,25 @@ REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: threshol
 
 @dataclass(frozen=True, slots=True)
 class ComparisonPopulation:
-    """Of whom simulated participants are drawn.
+    """Of whom simulated participants are drawn."""
 
-    Attributes
-    ----------
-    eyes : ObserverPopulation
-        How their thresholds differ.
-    masking : float
-        How much the content's own changes hide: beside one of c thresholds, the threshold of the modulation's
-        rises by sqrt(1 + (masking · c)²), so that by Weber's law for rates a change must be `masking` times
-        as fast as the content's. 0 for no masking. 1 is a choice: with it the four sequences are told apart
-        from their baselines about as rarely as in the paper (docs/decisions/simulated-viewers.md).
-    bias_sd : float
-        Standard deviation between persons of a leaning to the first interval, in units of d' (choice).
-    """
-
-    eyes: ObserverPopulation = field(default_factory=ObserverPopulation)
+    eyes: ObserverPopulation = field(default_factory=ObserverPopulation)  # how their thresholds differ
+    # how much the content's own changes hide: beside one of c thresholds, the threshold of the modulation's
+    # rises by sqrt(1 + (masking · c)²), so that by Weber's law for rates a change must be `masking` times as
+    # fast as the content's. 0 for no masking. 1 is a choice: with it the four sequences are told apart from
+    # their baselines about as rarely as in the paper (docs/decisions/simulated-viewers.md).
     masking: float = 1.0
+    # standard deviation between persons of a leaning to the first interval, in units of d' (choice)
     bias_sd: float = 0.2
 
 
 @dataclass(frozen=True, slots=True)
 class ComparisonObserver:
-    """A participant whose truth is known.
+    """A participant whose truth is known."""
 
-    Attributes
-    ----------
-    eye : SimulatedObserver
-        As in the ramp experiment.
-    masking : float
-        How much the content's own changes hide.
-    bias : float
-        Leaning to the first interval, in units of d'.
-    """
-
-    eye: SimulatedObserver
-    masking: float = 0.0
-    bias: float = 0.0
+    eye: SimulatedObserver  # as in the ramp experiment
+    masking: float = 0.0  # how much the content's own changes hide
+    bias: float = 0.0  # leaning to the first interval, in units of d'
 
     def thresholds(self, luminance: Array, direction: Direction, span: float) -> Array:
         """Return the two-interval thresholds of ramps [cd/m^2/s]; arguments as of `Thresholds`."""

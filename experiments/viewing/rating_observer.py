@@ -124,54 +124,26 @@ class RatingPopulation:
     """Of whom simulated raters are drawn; all figures are choices.
 
     The unit of the scale is the share of visible contrast that is kept, 1 - sensitivity · pooled loss.
-
-    Attributes
-    ----------
-    cuts : tuple of float
-        What the median person wants kept for a 2, 3, 4 and 5.
-    leniency_sd : float
-        Standard deviation between persons of a common shift of all four.
-    spread_sd : float
-        Standard deviation between persons of the logarithm of how far apart they lie.
-    sensitivity : float
-        How much a loss counts for the median person.
-    sensitivity_sd : float
-        Standard deviation of its logarithm.
-    noise : float
-        Standard deviation from trial to trial.
-    lapse : (float, float)
-        Beta parameters of the share of trials that are rated blindly.
     """
 
+    # what the median person wants kept for a 2, 3, 4 and 5
     cuts: tuple[float, float, float, float] = (0.78, 0.86, 0.925, 0.985)
-    leniency_sd: float = 0.045
-    spread_sd: float = 0.2
-    sensitivity: float = 1.0
-    sensitivity_sd: float = 0.25
-    noise: float = 0.04
-    lapse: tuple[float, float] = (1.5, 60.0)
+    leniency_sd: float = 0.045  # standard deviation between persons of a common shift of all four
+    spread_sd: float = 0.2  # standard deviation between persons of the logarithm of how far apart they lie
+    sensitivity: float = 1.0  # how much a loss counts for the median person
+    sensitivity_sd: float = 0.25  # standard deviation of its logarithm
+    noise: float = 0.04  # standard deviation from trial to trial
+    lapse: tuple[float, float] = (1.5, 60.0)  # Beta parameters of the share of trials that are rated blindly
 
 
 @dataclass(frozen=True, slots=True)
 class RatingObserver:
-    """A rater whose truth is known.
+    """A rater whose truth is known."""
 
-    Attributes
-    ----------
-    cuts : tuple of float
-        What must be kept for a 2, 3, 4 and 5, rising.
-    sensitivity : float
-        How much a loss counts.
-    noise : float
-        Standard deviation from trial to trial, above 0.
-    lapse_rate : float
-        Share of trials that are rated blindly, each rating as often.
-    """
-
-    cuts: tuple[float, float, float, float]
-    sensitivity: float
-    noise: float
-    lapse_rate: float
+    cuts: tuple[float, float, float, float]  # what must be kept for a 2, 3, 4 and 5, rising
+    sensitivity: float  # how much a loss counts
+    noise: float  # standard deviation from trial to trial, above 0
+    lapse_rate: float  # share of trials that are rated blindly, each rating as often
 
     def probabilities(self, loss: float) -> Array:
         """Return how often a video of some pooled loss is rated 1 to 5, (5,).

@@ -24,7 +24,6 @@ from evenlight.experiments.chance import Purpose
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.search_stage import (
     OffscreenPainter,
-    RingPainter,
     RingPicture,
     picture_side,
 )
@@ -62,7 +61,7 @@ class RingViews:
 
     Parameters
     ----------
-    painter : RingPainter
+    painter : OffscreenPainter
         Makes their pictures.
     display : Display
         What shows them.
@@ -74,7 +73,7 @@ class RingViews:
 
     def __init__(
         self,
-        painter: RingPainter,
+        painter: OffscreenPainter,
         display: Display,
         actuator: Actuator = Actuator.PIXELS,
         model: ContrastModel = DEFAULT_MODEL,

@@ -22,102 +22,55 @@ REFERENCE_ECCENTRICITY = 25.0  # [deg] where the median times hold; in the middl
 
 @dataclass(frozen=True, slots=True)
 class RingSight:
-    """A ring as it is seen from where one stands.
+    """A ring as it is seen from where one stands."""
 
-    Attributes
-    ----------
-    visibility : float
-        How far above threshold it is; 1 at threshold (`ring_views.ring_visibility`).
-    eccentricity : float
-        How far from the first direction of view it lies [deg].
-    orientation : int
-        Where its gap is, counter-clockwise from the right [deg].
-    background_luminance : float
-        Mean luminance around it at full brightness [cd/m^2].
-    """
-
-    visibility: float
-    eccentricity: float
-    orientation: int
-    background_luminance: float
+    visibility: float  # how far above threshold it is; 1 at threshold (`ring_views.ring_visibility`)
+    eccentricity: float  # how far from the first direction of view it lies [deg]
+    orientation: int  # where its gap is, counter-clockwise from the right [deg]
+    background_luminance: float  # mean luminance around it at full brightness [cd/m^2]
 
 
 @dataclass(frozen=True, slots=True)
 class SearchAnswer:
-    """What came of a search.
+    """What came of a search."""
 
-    Attributes
-    ----------
-    found_after : float or None
-        When the key was pressed, since the scene appeared [s]; None if it was not, within the time limit.
-    orientation : int or None
-        Reported direction of the gap; None where nothing was found.
-    """
-
+    # when the key was pressed, since the scene appeared [s]; None if it was not, within the time limit
     found_after: float | None
-    orientation: int | None
+    orientation: int | None  # reported direction of the gap; None where nothing was found
 
 
 @dataclass(frozen=True, slots=True)
 class SearchPopulation:
-    """Of whom simulated participants are drawn; all figures are choices.
+    """Of whom simulated participants are drawn; all figures are choices."""
 
-    Attributes
-    ----------
-    threshold_time : float
-        Median search time of a ring at threshold, at 25 deg [s]: as long as the time limit of the design.
-    gain : float
-        How the median falls with visibility v: as v^-gain. With 1, v = 10 takes a tenth, 3 s.
-    eccentricity_cost : float
-        By how much the logarithm of the time grows per degree: 0.02 makes 1.5 times as long of 20 deg more.
-    time_sd : float
-        Standard deviation of a time's logarithm from trial to trial.
-    speed_sd, sensitivity_sd : float
-        Standard deviation between persons of the logarithm of their times, and of their visibilities.
-    detection_width : float
-        ln(v) from 5 % to 95 % of rings that can be found at all; half of those at threshold can.
-    gap_visibility : float
-        v at which the direction of the gap is identified half as well as it can be.
-    guess, lapse : (float, float)
-        Beta parameters of the share of searches without a ring seen in which the key is pressed all the same,
-        and of the share of known directions that are answered at random.
-    """
-
+    # median search time of a ring at threshold, at 25 deg [s]: as long as the time limit of the design
     threshold_time: float = 30.0
+    # how the median falls with visibility v: as v^-gain. With 1, v = 10 takes a tenth, 3 s.
     gain: float = 1.0
+    # by how much the logarithm of the time grows per degree: 0.02 makes 1.5 times as long of 20 deg more
     eccentricity_cost: float = 0.02
-    time_sd: float = 0.6
+    time_sd: float = 0.6  # standard deviation of a time's logarithm from trial to trial
+    # standard deviation between persons of the logarithm of their times, and of their visibilities
     speed_sd: float = 0.25
     sensitivity_sd: float = 0.2
+    # ln(v) from 5 % to 95 % of rings that can be found at all; half of those at threshold can
     detection_width: float = 0.8
-    gap_visibility: float = 1.2
+    gap_visibility: float = 1.2  # v at which the direction of the gap is identified half as well as it can be
+    # Beta parameters of the share of searches without a ring seen in which the key is pressed all the same,
+    # and of the share of known directions that are answered at random
     guess: tuple[float, float] = (1.0, 40.0)
     lapse: tuple[float, float] = (1.5, 60.0)
 
 
 @dataclass(frozen=True, slots=True)
 class SearchObserver:
-    """A participant whose truth is known.
+    """A participant whose truth is known."""
 
-    Attributes
-    ----------
-    people : SearchPopulation
-        What all of them have in common.
-    slowness : float
-        Factor of their search times.
-    sensitivity : float
-        Factor of the visibility that they see.
-    guess_rate : float
-        How often they press for nothing, of searches in which they see no ring.
-    lapse_rate : float
-        How often they report a random direction though they know the right one.
-    """
-
-    people: SearchPopulation
-    slowness: float = 1.0
-    sensitivity: float = 1.0
-    guess_rate: float = 0.0
-    lapse_rate: float = 0.0
+    people: SearchPopulation  # what all of them have in common
+    slowness: float = 1.0  # factor of their search times
+    sensitivity: float = 1.0  # factor of the visibility that they see
+    guess_rate: float = 0.0  # how often they press for nothing, of searches in which they see no ring
+    lapse_rate: float = 0.0  # how often they report a random direction though they know the right one
 
     def median_time(self, sight: RingSight) -> float:
         """Return the median time after which a ring is found, if it can be found at all [s].

@@ -41,26 +41,15 @@ def relative_azimuth(azimuth: float, first: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class SearchPoint:
-    """A keypoint as a search uses it: where it lies, where its rings are, how bright each version is there.
+    """A keypoint as a search uses it: where it and its rings lie, how bright each version is there."""
 
-    Attributes
-    ----------
-    sequence, keypoint, scene : str
-        Camera path, point on it, scene.
-    camera : Camera
-        Where from, and the first direction of view.
-    rings : KeypointRings
-        The places of its rings.
-    factors : mapping of Version to float
-        Brightness factor of each version there.
-    """
-
+    # camera path, point on it, scene
     sequence: str
     keypoint: str
     scene: str
-    camera: Camera
-    rings: KeypointRings
-    factors: Mapping[Version, float]
+    camera: Camera  # where from, and the first direction of view
+    rings: KeypointRings  # the places of its rings
+    factors: Mapping[Version, float]  # brightness factor of each version there
 
 
 def search_points(

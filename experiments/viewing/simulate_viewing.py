@@ -36,30 +36,14 @@ SESSION = "01"
 
 @dataclass(frozen=True, slots=True)
 class ViewingSimulation:
-    """What is simulated.
+    """What is simulated."""
 
-    Attributes
-    ----------
-    participants : int
-        How many.
-    seed : int
-        Of all random numbers; participant k is the same however many there are.
-    task : str
-        Which experiment.
-    display : Display
-        What everything is shown on.
-    design : record
-        The experiment's.
-    stimuli : sequence of LoadedStimulus
-        The sequences of the design; none of ramps.
-    """
-
-    participants: int
-    seed: int
-    task: str
-    display: Display
-    design: Any
-    stimuli: Sequence[LoadedStimulus] = ()
+    participants: int  # how many
+    seed: int  # of all random numbers; participant k is the same however many there are
+    task: str  # which experiment
+    display: Display  # what everything is shown on
+    design: Any  # the experiment's
+    stimuli: Sequence[LoadedStimulus] = ()  # the sequences of the design; none of ramps
 
     def setting(self, participant: str, order_index: int, provenance: Provenance) -> SessionSetting:
         """Return what a participant's session is made from."""

@@ -22,7 +22,7 @@ from evenlight.experiments.sessions.key_test import try_keys
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore, begin_session, resume_session
 from evenlight.experiments.sessions.staging import BlindStage
-from evenlight.experiments.sessions.task import Person
+from evenlight.experiments.sessions.task import Participant
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.simulated.clocks import RefreshClock
 
@@ -66,7 +66,7 @@ def tried(
     store, task = begun(folder / "lab", design, rig)
     stage = Stage(rig, "space", *presses, "escape", "escape")  # consent first; then stopped from the pause
     with store:
-        status = conduct_session(store, SessionParts(task, stage, Person(), load_pages(language), keys))
+        status = conduct_session(store, SessionParts(task, stage, Participant(), load_pages(language), keys))
     return stage.pages, store, status
 
 
@@ -144,7 +144,7 @@ def test_ratings_and_directions_are_called_what_they_are(answer: object, means: 
     rig = Rig("bench", "bench.toml", viewing_distance=0.6, refresh_rate=60.0)
     stage = Stage(rig, "num_7")
     task: Any = Answered({"num_7": answer})
-    parts = SessionParts(task, stage, Person(), load_pages("en"), Keys())
+    parts = SessionParts(task, stage, Participant(), load_pages("en"), Keys())
     try_keys(parts, lambda kind, detail: None, lambda: None)
     start = "# Try the keys\n\nPress **7 on the numeric pad** once.\n\n"
     assert stage.pages == [f"{start}With this key you answer: {means}."]
@@ -152,5 +152,5 @@ def test_ratings_and_directions_are_called_what_they_are(answer: object, means: 
 
 def test_a_task_that_does_not_say_its_keys_is_begun_without_the_test() -> None:
     task: Any = Answered({})
-    parts = SessionParts(task, Stage(Rig("b", "b.toml", 0.6, 60.0)), Person(), load_pages("en"), Keys())
+    parts = SessionParts(task, Stage(Rig("b", "b.toml", 0.6, 60.0)), Participant(), load_pages("en"), Keys())
     try_keys(parts, lambda kind, detail: pytest.fail("nothing is tried"), lambda: None)

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -28,13 +28,6 @@ OTHER = replace(load_display("varjo-xr3"), name="other", peak_luminance=250.0)
 RATE = 60.0
 
 
-@dataclass(frozen=True)
-class Known:
-    """A loss that is known."""
-
-    loss: float
-
-
 class LateMeter:
     """Knows the loss of content, strength · (1 - b), some refreshes after it was asked."""
 
@@ -45,7 +38,7 @@ class LateMeter:
     ) -> None:
         self._strength, self._delays, self._luminance = strength, delays, luminance
         self._refresh, self._asked, self._drawn = -1, 0, -1
-        self._answer: Known | None = None
+        self._answer: float | None = None
         self._due = 0
 
     def mean_luminance(self) -> float:
@@ -61,12 +54,12 @@ class LateMeter:
         if self._answer is not None:
             return False
         strength = self._strength[min(self._refresh, len(self._strength) - 1)]
-        self._answer = Known(strength * (1 - factor))
+        self._answer = strength * (1 - factor)
         self._due = self._refresh + self._delays[self._asked % len(self._delays)]
         self._asked += 1
         return True
 
-    def result(self) -> Known | None:
+    def result(self) -> float | None:
         self._refresh += 1
         if self._answer is None or self._refresh < self._due:
             return None

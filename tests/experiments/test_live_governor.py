@@ -55,11 +55,10 @@ class MadeUp:
         self.loss, self._asked = float(self._strength[self._refresh] * (1 - factor)), self._refresh
         return True
 
-    def result(self) -> "MadeUp | None":
+    def result(self) -> float | None:
         if self.loss is None or self._refresh < self._asked + self._late:
             return None
-        answer = MadeUp(self._strength, self._luminance, self._late)
-        answer.loss, self.loss = self.loss, None
+        answer, self.loss = self.loss, None
         return answer
 
     def close(self) -> None:
