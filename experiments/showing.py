@@ -43,11 +43,16 @@ class Screen:
     ) -> None:
         """Show a field for one refresh; a screenshot is taken of those that have a kind."""
         fields.draw(self.window.framebuffer(), field, refresh)
+        self.flip(kind, text)
+        self.take_pause()
+
+    def flip(self, kind: str = "", text: str = "") -> float:
+        """Show what is drawn, and return when it appeared [s]; a screenshot is taken of what has a kind."""
         if kind:
             self.screenshots.take(self.window, kind, text)
-        self.window.flip()
+        flip = self.window.flip()
         self.brightness.after_flip()
-        self.take_pause()
+        return flip
 
 
 def settle(on: Screen, fields: AnyFieldRenderer, factor: float, ground: float) -> None:

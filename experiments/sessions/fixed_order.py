@@ -55,6 +55,8 @@ class FixedOrder:
     gives_up = True  # where every showing so far was flagged
 
     def __init__(self, trials: Sequence[PlannedTrial], repeat_flagged: bool) -> None:
+        if other := next((each for each in trials if not isinstance(each, PlannedTrial)), None):
+            raise TypeError(f"planned trials are of the class PlannedTrial, got {other!r}")
         self._queue = [(trial, 1) for trial in trials]
         self._repeat_flagged = repeat_flagged
         self._place = self._dropped = 0

@@ -229,9 +229,7 @@ class SearchPlayer:
             refresh = len(searching.refreshes)
             self._renderer.draw(window.framebuffer(), picture, refresh, view.noise_seed)
             self._on.mark("search")
-            self._on.screenshots.take(window, "search", view.scene)
-            flip = window.flip()
-            brightness.after_flip()
+            flip = self._on.flip("search", view.scene)
             searching.note(flip, direction, brightness.reported())
             searching.take(self._presses())
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 from filelock import FileLock
@@ -286,12 +286,8 @@ class SweepReader:
         reading, status, attempts = self._read_luminance(meter, planned)
         x, y = reading.chromaticity if reading and reading.chromaticity else (None, None)
         return LuminanceReading(
-            index=planned.index,
-            phase=planned.phase,
-            repeat=planned.repeat,
             pixel_value=shown.pixel_value,
             factor=planned.level.factor,
-            achieved_factor=shown.achieved_factor,
             luminance=reading.value if reading else None,
             status=ReadingStatus.OK if reading else ReadingStatus.UNDER_RANGE,
             meter_status=status,
@@ -299,9 +295,19 @@ class SweepReader:
             ended=self._time(reading.ended) if reading else round(self._store.now(), TIME_DECIMALS),
             chromaticity_x=x,
             chromaticity_y=y,
-            attempts=attempts,
-            utc=self._store.utc(),
+            **self._about(planned, shown, attempts),
         )
+
+    def _about(self, planned: PlannedReading, shown: AchievedLevel, attempts: int) -> dict[str, Any]:
+        """Return what readings of either kind say of themselves."""
+        return {
+            "index": planned.index,
+            "phase": planned.phase,
+            "repeat": planned.repeat,
+            "achieved_factor": shown.achieved_factor,
+            "attempts": attempts,
+            "utc": self._store.utc(),
+        }
 
     def _power(self, planned: PlannedReading, shown: AchievedLevel, design: PowerSweepDesign) -> PowerReading:
         """Return a reading of the power meter, and of the luminance meter if there is one."""
@@ -320,11 +326,7 @@ class SweepReader:
             status = ReadingStatus.OK if reading else ReadingStatus.UNDER_RANGE
             attempts = max(attempts, more)
         return PowerReading(
-            index=planned.index,
-            phase=planned.phase,
-            repeat=planned.repeat,
             factor=planned.level.factor or 1.0,
-            achieved_factor=shown.achieved_factor,
             luminance=luminance,
             luminance_status=status,
             power=average.power,
@@ -336,8 +338,7 @@ class SweepReader:
             meter_status=average.status,
             begun=self._time(average.begun),
             ended=self._time(average.ended),
-            attempts=attempts,
-            utc=self._store.utc(),
+            **self._about(planned, shown, attempts),
         )
 
     def _read_luminance(

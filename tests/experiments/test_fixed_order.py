@@ -108,3 +108,8 @@ def test_a_trial_after_the_last_is_refused() -> None:
     order = FixedOrder([], repeat_flagged=True)
     with pytest.raises(InputError, match="no further trial"):
         order.take(Answered("gym"))
+
+
+def test_trials_of_another_class_are_refused_at_once_and_not_when_one_is_flagged() -> None:
+    with pytest.raises(TypeError, match="planned trials are of the class PlannedTrial, got Answered"):
+        FixedOrder([Answered("gym")], repeat_flagged=True)
