@@ -53,7 +53,6 @@ def load_task_design(task: str, name_or_path: str | None) -> Design:
 
 
 def _load(cls: type[Any], presets: dict[str, Path], name_or_path: str) -> Any:
-    """Return the design of a preset, or of a toml file."""
     known = sorted(presets)
     if name_or_path in known:
         return _within_reason(read_toml_record(cls, presets[name_or_path]), name_or_path)

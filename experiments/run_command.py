@@ -227,7 +227,6 @@ def _told_if_interrupted(done: Callable[[], str]) -> Iterator[None]:
 
 
 def _run_sweep(request: SweepRequest, quiet: bool) -> Path | None:
-    """Run a sweep with its progress on the terminal; return its folder if it is complete."""
     from evenlight.data_schema.recordings.session import SessionStatus
     from evenlight.experiments.sweeps.run_sweep import run_sweep
 
@@ -270,7 +269,6 @@ def _stored_trials(path: Path) -> int:
 
 
 def _close(outcome: SessionOutcome) -> None:
-    """Say how a session ended."""
     from evenlight.data_schema.recordings.dataset_layout import EVENTS
     from evenlight.data_schema.recordings.session import SessionStatus
 

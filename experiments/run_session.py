@@ -199,7 +199,6 @@ def _told_to_operator(
 
 
 def _stimuli(request: SessionRequest, design: Design) -> tuple[LoadedStimulus, ...]:
-    """Return the sequences of a viewing experiment; none of a ramp session."""
     names = tuple(getattr(design, "sequences", ()))
     if names and request.stimuli is None:
         raise InputError(
@@ -290,7 +289,6 @@ def _session_seed(request: SessionRequest) -> int:
 
 
 def _began(request: SessionRequest) -> SessionManifest:
-    """Return the manifest of the session to be resumed."""
     folder = session_folder(request.dataset, request.participant_id, request.session_id)
     if not (folder / MANIFEST).is_file():
         return resume_session(request.dataset, request.participant_id, request.session_id).manifest
@@ -334,7 +332,6 @@ def _refuse_other_than_began(
 
 
 def _opened(request: SessionRequest, manifest: SessionManifest, setting: SessionSetting) -> SessionStore:
-    """Return the files of the session, open."""
     utc = request.staging.utc
     if request.resume:
         return resume_session(request.dataset, request.participant_id, request.session_id, utc)
@@ -347,7 +344,6 @@ def _opened(request: SessionRequest, manifest: SessionManifest, setting: Session
 
 
 def _sessions_of_task(folder: Path, task: str) -> int:
-    """Return how many sessions of an experiment a participant has."""
     manifests = folder.glob(f"ses-*/{MANIFEST}")
     return sum(read_json_record(SessionManifest, path).task == task for path in manifests)
 

@@ -149,7 +149,6 @@ def neutral_luminance(stimuli: Sequence[LoadedStimulus]) -> float:
 
 
 def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> LoadedStimulus:
-    """Return one sequence."""
     if not (folder / TRACK).is_file():
         raise InputError(
             f"{folder / TRACK}: no such file; make it with `evenlight optimize {name} --budget B --out "
@@ -209,12 +208,10 @@ def _require_true_size(searched: LoadedStimulus) -> None:
 
 
 def _videos(folder: Path) -> list[Path]:
-    """Return the videos of a folder."""
     return sorted(path for path in folder.iterdir() if path.suffix.lower() in VIDEO_SUFFIXES)
 
 
 def _video_file(folder: Path, name: str) -> Path:
-    """Return the one video of a folder."""
     found = _videos(folder)
     if not found:
         raise InputError(

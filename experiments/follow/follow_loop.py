@@ -151,7 +151,6 @@ class FollowLoop:
             self._tell(f"{words}, about {seconds:.0f} s at the rate limit")
 
     def _show(self, show: Callable[[str], None]) -> None:
-        """Show what is set, some times a second."""
         now = self._clock()
         last = self._last
         if last is not None and (self._shown_at is None or now - self._shown_at >= SHOWN_EVERY):

@@ -167,7 +167,6 @@ class LimitedBacklight:
         return seconds
 
     def _light(self, frame: int | None) -> float:
-        """Return the luminance at factor 1 that the limit is about [cd/m^2]."""
         return self.film.white if frame is None else float(self.film.luminance[frame])
 
     def _next(self, factor: float, goal: float, luminance: tuple[float, float], passed: float) -> float:
@@ -176,6 +175,5 @@ class LimitedBacklight:
         return min(goal, furthest) if goal > factor else max(goal, furthest)
 
     def _set(self, factor: float) -> None:
-        """Set the backlight."""
         self.achieved = self._backlight.set_factor(factor)
         self.factor = factor

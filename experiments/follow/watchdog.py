@@ -76,7 +76,6 @@ def watched_backlight(backlight: str, curve: str) -> Iterator[Backlight]:
 
 
 def _opened(backlight: str, curve: str) -> Backlight:
-    """Return a backlight, open."""
     try:
         rig = Rig("follow", "of the track", 0.6, 60.0, backlight=backlight, backlight_curve=curve)
     except ValueError:  # whose words are a pattern

@@ -32,7 +32,6 @@ def headset_logs(
 def _log(
     place: TrialPlace, interval: int, frames: Sequence[ShownFrame], since: Callable[[float], float]
 ) -> HeadsetLog:
-    """Return the frames of an interval as a record."""
     right, up, back = _columns([frame.head.position for frame in frames], 3)
     x, y, z, w = _columns([frame.head.orientation for frame in frames], 4)
     return HeadsetLog(

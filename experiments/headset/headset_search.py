@@ -53,7 +53,6 @@ class HeadsetSearchPlayer(SearchPlayer):
         self._in_stereo(name)
 
     def _looked_at(self, view: SearchView) -> LookedAt:
-        """Return a view's scene with its ring painted."""
         return SceneInHeadset(self._in_stereo(view.scene), view, self._headset)
 
     def _in_stereo(self, name: str) -> StereoRings:

@@ -154,7 +154,6 @@ class HeadsetStage(WindowStage):
 
     @functools.cached_property
     def _search_player(self) -> HeadsetSearchPlayer:
-        """What shows searches; made where one is shown."""
         return HeadsetSearchPlayer(self._showing, self._renderer, self._search_presses, self._headset)
 
     def _logged(self, kind: str, show: Callable[[], Shown]) -> Shown:

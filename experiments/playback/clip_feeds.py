@@ -147,7 +147,6 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
         self.close()
 
     def _present(self) -> LevelFrame:
-        """Return the frame last asked for, or the first."""
         if self._frame is None:
             self._frame = self._taken(0)
         return self._frame
@@ -234,7 +233,6 @@ class ClipFeeds:
             self._prepared = None
 
     def _n_frames(self, clip: Clip) -> int:
-        """Return how many frames of a clip's video are needed."""
         return int(frames_of_refreshes(clip, self._on.rig.refresh_rate)[-1]) + 1
 
     def _as_fed(self, clip: Clip) -> Clip:
@@ -242,7 +240,6 @@ class ClipFeeds:
         return replace(clip, scale=None) if self._on.rig.in_headset else clip
 
     def _scene_feed(self, sequence: SceneSequence, scale: float | None) -> SceneFeed | EyeSceneFeed:
-        """Return what draws a walk."""
         if self._scene is not None and self._scene.drawn == (sequence, scale):
             return self._scene
         if self._on.rig.in_headset:

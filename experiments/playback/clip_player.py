@@ -132,7 +132,6 @@ class ClipPlayer:
                 last, refresh = window.now(), refresh + 1
 
     def _show_label(self, label: str, ground: float) -> None:
-        """Show the number of an interval, if it has one."""
         if not label:
             return
         number, ink = centred_image(label, self._on.window.size()), ink_on(ground, self._on.display)
@@ -154,7 +153,6 @@ class ClipPlayer:
     def _show_frames(
         self, clip: Clip, feed: ImageFeed, frames: NDArray[np.int64], renderer: AnyImageRenderer
     ) -> None:
-        """Show the frames of a clip, each when it is due."""
         recording = self.recording
         assert recording is not None
         headset = self._on.rig.in_headset
@@ -184,7 +182,6 @@ class ClipPlayer:
         renderer: AnyImageRenderer,
         probe: bool,
     ) -> float:
-        """Show a frame for one refresh, and return when it appeared [s]."""
         window, brightness, recording = self._on.window, self._on.brightness, self.recording
         assert recording is not None
         pixels = brightness.of_picture(factor)

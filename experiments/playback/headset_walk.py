@@ -43,7 +43,6 @@ class HeadsetWalk(Walk):
                 self.dimmer.finish()
 
     def _drawn(self) -> tuple[SceneRenderer, Image | EyeImages]:
-        """Return what draws the pictures of the eye that counts, and the images of both."""
         window = self._window
         self._eye = int(self._devices.rig.eye is Eye.RIGHT)
         self._stereo = StereoRenderer(window.context(), self._scene, window.eye_size())
@@ -52,12 +51,10 @@ class HeadsetWalk(Walk):
 
     @property
     def _window(self) -> HeadsetWindow:
-        """The window, which is in a headset."""
         assert isinstance(self._devices.window, HeadsetWindow)
         return self._devices.window
 
     def _turned(self, walker: Walker, presses: Sequence[KeyPress]) -> Walker:
-        """Return a walker after the turns that were asked for."""
         for press in presses:
             walker = turned(walker, TURNS.get(press.name, 0.0), self._window.eyes())
         return walker
@@ -65,7 +62,6 @@ class HeadsetWalk(Walk):
     def _moved(
         self, walker: Walker, held: frozenset[str], mouse: tuple[float, float], seconds: float
     ) -> Walker:
-        """Return a walker after a short time [s] of the stick and of the operator's keys."""
         heading = walker.azimuth + head_direction(self._window.eyes().head)[0]
         push = self._window.stick()[1]
         ahead = SPEED * seconds * push if abs(push) > AT_REST else 0.0
@@ -75,7 +71,6 @@ class HeadsetWalk(Walk):
         return replace(walker, position=after.position)
 
     def _render(self, walker: Walker) -> Walker:
-        """Draw what the eyes see, and return where the one that counts was, and where the head looked."""
         frame = self._window.eyes()
         views = eye_views(frame, walker.position, walker.azimuth)
         self._stereo.render(views)
@@ -86,7 +81,6 @@ class HeadsetWalk(Walk):
         return Walker(views[self._eye].position, (walker.azimuth + azimuth) % 360, altitude)
 
     def _due(self) -> float:
-        """Return when a picture appears that is drawn now, as the runtime predicts [s]."""
         return self._window.due(1 / self._devices.rig.refresh_rate)
 
 

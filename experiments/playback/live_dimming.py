@@ -199,7 +199,6 @@ class LiveDimmer:
         return min(max(now - self._duration - before.flip_time, self._duration), LONGEST)
 
     def _rate(self, before: ShownPicture, now: ShownPicture) -> tuple[float, float]:
-        """Return the rate of the modulation between two pictures, as offline, and its limit [cd/m^2/s]."""
         passed = now.flip_time - before.flip_time
         if passed > self._duration - JITTER:
             passed = max(passed, self._duration)

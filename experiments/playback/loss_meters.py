@@ -105,7 +105,6 @@ def open_meter(
 
 
 def _on_gpu(context: moderngl.Context, device: Device) -> bool:
-    """Return whether the graphics processor is to measure."""
     if device is Device.CPU:
         return False
     from evenlight.method.gpu.context import is_software, renderer_name, require_compute

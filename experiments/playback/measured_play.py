@@ -184,7 +184,6 @@ def measured_order(passes: int) -> tuple[Dimming, ...]:
 def _play_measured(
     devices: PlaybackDevices, player: Player, options: PowerOptions, log: PowerLog, simulated: bool
 ) -> bool:
-    """Play a video in the order of its playback and record its power; return whether it came to its end."""
     name, now = devices.rig.power_meter, devices.window.now
     simulation = _simulation(devices) if simulated or is_simulated(name) else None
     if simulated and not is_simulated(name):

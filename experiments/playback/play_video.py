@@ -242,7 +242,6 @@ def rig_of(
 
 
 def _pass_summary(one: Pass, playback: Playback, refresh_rate: float, *, timed: bool) -> str:
-    """Return how a pass went, in one line."""
     shown = one.shown
     names = " and ".join(dict.fromkeys(one.versions))
     words = (

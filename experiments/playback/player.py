@@ -210,7 +210,6 @@ class Player:
                 return True
 
     def _play_once(self, dimming: Dimming) -> bool:
-        """Play the video once, and return whether it was played to its end."""
         playback, whole = self._playback, True
         self._dim(dimming)
         self._versions.clear()
@@ -309,7 +308,6 @@ def write_log(
 
 
 def _rows(number: int, one: Pass, refresh_rate: float) -> Iterator[list[Any]]:
-    """Yield the rows of a pass."""
     shown = one.shown
     steps = np.diff(shown.flip_times, prepend=-1 / refresh_rate)
     dropped = np.maximum(np.rint(steps * refresh_rate).astype(int) - 1, 0).tolist()

@@ -195,7 +195,6 @@ class Walk:
     def _moved(
         self, walker: Walker, held: frozenset[str], mouse: tuple[float, float], seconds: float
     ) -> Walker:
-        """Return a walker after a short time [s], as `moved`."""
         return moved(walker, held, mouse, seconds, self._scene)
 
     def _render(self, walker: Walker) -> Walker:
@@ -208,7 +207,6 @@ class Walk:
         return walker
 
     def _show(self, walker: Walker, refresh: int, onset: float | None) -> float:
-        """Show what a walker sees, and return when [s]."""
         window = self._devices.window
         self._seen = self._render(walker)
         factor = self._factor

@@ -146,7 +146,6 @@ class RampSchedule(FixedOrder):
 
 
 def _adaptive(design: RampDesign) -> AdaptivePlacement | None:
-    """Return the placement of a design, None for constant stimuli."""
     if design.placement is Placement.CONSTANT:
         return None
     low, high = min(design.relative_rates), max(design.relative_rates)

@@ -165,7 +165,6 @@ class _Session:
             self._page("practice_end")
 
     def _practice_answers(self) -> list[bool | None]:
-        """Return which answers of the practice were right."""
         return [self.parts.task.is_right(trial) for trial in self.store.trials if trial.practice]
 
     def _practice_result(self) -> dict[str, int]:
@@ -186,7 +185,6 @@ class _Session:
             self._rested = self._usable(), self.parts.stage.now()
 
     def _trial(self, planned: Any) -> Any:
-        """Show a trial until it is answered, and record it."""
         while True:
             place = self._place()
             self.store.note(EventKind.TRIAL_BEGUN, trial_index=place.trial_index, attempt=place.attempt)
@@ -226,7 +224,6 @@ class _Session:
             print(f"evenlight: the display dropped too many frames {where}: {WHAT_TO_DO}", file=sys.stderr)
 
     def _now_shown(self) -> list[Any]:
-        """Return the trials since the session began or went on."""
         return self.store.trials[self._earlier :]
 
     def _require_frames(self) -> None:
@@ -243,7 +240,6 @@ class _Session:
             )
 
     def _place(self) -> TrialPlace:
-        """Return where the next answered trial goes."""
         manifest, index = self.store.manifest, len(self.store.trials)
         who = manifest.participant_id, manifest.session_id
         return TrialPlace(*who, index, self.store.attempt_at(index), manifest.simulated)
@@ -253,7 +249,6 @@ class _Session:
         self._page_of_text(name, self._text(name, **values))
 
     def _page_of_text(self, name: str, text: str) -> None:
-        """Show a text as a page."""
         keys = (self.parts.keys.proceed, self.parts.keys.pause)
         while self._shown_text(name, text, keys) == self.parts.keys.pause:
             self._pause()
@@ -267,11 +262,9 @@ class _Session:
         self.store.note(EventKind.CONTINUED)
 
     def _shown(self, name: str, keys: Sequence[str]) -> str:
-        """Show a page by its name, and return the key that was pressed."""
         return self._shown_text(name, self._text(name), keys)
 
     def _shown_text(self, name: str, text: str, keys: Sequence[str]) -> str:
-        """Show a text as a page, and return the key that was pressed."""
         self.store.note(EventKind.PAGE_SHOWN, name)
         self._report(self._usable())
         self.parts.participant.see_page(keys)

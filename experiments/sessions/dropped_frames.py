@@ -107,7 +107,6 @@ def require_few_drops(show: Callable[[], ShownStimulus], demand: FrameDemand, re
 
 
 def _pace(shown: ShownStimulus) -> str:
-    """Return how fast the frames came, in words."""
     steps = np.diff(shown.flip_times)
     if not steps.size or not np.median(steps) > 0:
         return "no second frame came"

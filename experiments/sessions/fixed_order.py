@@ -127,5 +127,4 @@ def _same(got: Any, planned: Any) -> bool:
 
 
 def _plain(value: Any) -> object:
-    """Return a value as it is read in a message."""
     return getattr(value, "value", value)

@@ -90,7 +90,6 @@ class Pages:
         return own if own in self.texts else name
 
     def _called(self, key: str | tuple[str, ...]) -> str:
-        """Return what a key, or several keys, are called."""
         names = (key,) if isinstance(key, str) else key
         return ", ".join(self.key_name(name) for name in names)
 
@@ -179,7 +178,6 @@ def _said_otherwise(text: str, phrases: Mapping[str, str]) -> str:
 
 
 def _own_files(own: Path, names: list[str]) -> dict[str, Path]:
-    """Return a lab's own pages, by name."""
     if not own.is_dir():
         raise InputError(f"{own}: no such folder; expected pages such as {names[0]}{SUFFIX}")
     found = {path.stem: path for path in sorted(own.glob(f"*{SUFFIX}"))}

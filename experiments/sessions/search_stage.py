@@ -216,7 +216,6 @@ class SearchPlayer:
         looked_at: LookedAt,
         pointer: Pointer | None,
     ) -> None:
-        """Show the scene, refresh by refresh, until the search is over."""
         window, brightness = self._on.window, self._on.brightness
         for due in searching.refreshes.due(window):
             if searching.over:
@@ -234,11 +233,9 @@ class SearchPlayer:
             searching.take(self._presses())
 
     def _looked_at(self, view: SearchView) -> LookedAt:
-        """Return a view's scene with its ring painted."""
         return SceneOnScreen(self._scene(view.scene), view)
 
     def _scene(self, name: str) -> RingScene:
-        """Return what draws a scene; each is made ready once, which takes its time."""
         if name not in self._scenes:
             window = self._on.window
             renderer = SceneRenderer(window.context(), scene_named(name), window.size(), antialiasing=LIVE)
@@ -299,7 +296,6 @@ class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
         self._context.release()
 
     def _scene(self, name: str, side: int) -> RingScene:
-        """Return what draws a scene into pictures of some size or larger."""
         if name not in self._scenes or self._scenes[name].size[0] < side:
             renderer = SceneRenderer(self._context, scene_named(name), (side, side))
             self._scenes[name] = RingScene(self._context, renderer, self._display)

@@ -309,7 +309,6 @@ def _broken_trial(store: SessionStore) -> SessionEvent | None:
 
 
 def _known_sessions(dataset: Path) -> str:
-    """Return which sessions a data set has, in words."""
     found = sorted(path.parent for path in dataset.glob(f"sub-*/ses-*/{MANIFEST}"))
     if not found:
         return f"{dataset} has none"

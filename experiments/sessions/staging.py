@@ -251,7 +251,6 @@ class BlindStage(Stage):
         self._keyboard.close()
 
     def _advance(self) -> float:
-        """Let a refresh pass, and return the time then [s]."""
         return self._clock.advance()
 
     def _presses(self) -> list[KeyPress]:

@@ -302,7 +302,6 @@ class SimulatedParticipant(Participant):
             self._press(self._keys.found, after)
 
     def _turns_to(self, planned: Any) -> list[str]:
-        """Return the keys that turn the view to the ring of a search."""
         columns, keys = planned.columns, self._keys
         right, up = steps_to(columns["ring_azimuth"], columns["ring_altitude"], planned.camera.altitude)
         sideways = keys.turn_right if right > 0 else keys.turn_left

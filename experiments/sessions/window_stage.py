@@ -218,12 +218,10 @@ class WindowStage(Stage):
 
     @functools.cached_property
     def _search_player(self) -> SearchPlayer:
-        """What shows searches; made where one is shown."""
         return SearchPlayer(self._showing, self._renderer, self._presses, self._open_pointer)
 
     @functools.cached_property
     def _clip_player(self) -> ClipPlayer:
-        """What shows videos; made where one is shown."""
         return ClipPlayer(self._showing, self._renderer)
 
     @property
@@ -256,7 +254,6 @@ class WindowStage(Stage):
         return next((press for press in pressed if press.name in keys or not keys), None)
 
     def _question_image(self, question: str) -> NDArray[np.uint8]:
-        """Return how much of each pixel a question covers."""
         return self._centred_image(question, self._window.size())
 
     def _answer(self, keys: Sequence[str]) -> KeyPress | None:
@@ -264,11 +261,9 @@ class WindowStage(Stage):
         return next((press for press in self._presses() if press.name in keys), None)
 
     def _probe_places(self, interval: RampInterval, n_frames: int) -> list[int]:
-        """Return the places in an interval that are read back."""
         return probe_places(n_frames)
 
     def _show_frame(self, interval: RampInterval, time: float, recording: RampRecording, probe: bool) -> None:
-        """Show the frame of an interval that is due at a time since its first [s]."""
         luminance = ramp_luminance(
             time,
             interval.initial_luminance,

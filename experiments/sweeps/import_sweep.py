@@ -68,7 +68,6 @@ def import_sweep(dataset: Path, manifest: SweepManifest, *, resume: bool) -> tup
 
 
 def _design_of_table(readings: list[LuminanceReading], path: Path) -> LuminanceSweepDesign:
-    """Return the design that a table followed."""
     counts = Counter((reading.pixel_value, reading.factor) for reading in readings)
     (value, factor), fewest = min(counts.items(), key=lambda item: item[1])
     if fewest < FEWEST_READINGS:

@@ -298,7 +298,6 @@ def _simulated(request: SweepRequest) -> bool:
 
 
 def _inputs(rig: Rig) -> dict[str, str]:
-    """Return the SHA-256 of what a sweep goes by."""
     inputs = {"rig": sha256_of_record(rig)}
     if rig.backlight_curve:
         inputs["backlight_curve"] = sha256_of_file(Path(rig.backlight_curve))
@@ -345,7 +344,6 @@ def _essence(rig: Rig) -> Rig:
 
 
 def _opened(request: SweepRequest, manifest: SweepManifest) -> SweepStore:
-    """Return the files of the sweep, open."""
     utc = request.staging.utc
     if request.resume:
         return resume_sweep(request.dataset, request.task, request.session_id, utc)
@@ -354,5 +352,4 @@ def _opened(request: SweepRequest, manifest: SweepManifest) -> SweepStore:
 
 
 def _folder(request: SweepRequest) -> Path:
-    """Return where the sweep lies."""
     return sweep_folder(request.dataset, request.task, request.session_id)

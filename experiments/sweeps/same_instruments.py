@@ -82,7 +82,6 @@ def known_again(manifest: SweepManifest, rig: Rig, apparatus: Mapping[str, str])
 
 
 def _said(apparatus: Mapping[str, str], kind: str) -> dict[str, str]:
-    """Return what an instrument said of itself."""
     return {
         key.removeprefix(f"{kind}: "): text for key, text in apparatus.items() if key.startswith(f"{kind}: ")
     }
@@ -96,5 +95,4 @@ def _serial_number(said: Mapping[str, str]) -> str:
 
 
 def _address(name: str) -> str:
-    """Return the address in the name of an instrument."""
     return name.partition(":")[2]

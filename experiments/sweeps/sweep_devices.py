@@ -325,7 +325,6 @@ class SweepScreen:
         return reading.result()
 
     def _in_headset(self) -> bool:
-        """Return whether the window is in a headset."""
         return self._window is not None and self._window.eyes() is not None
 
     def _keep(self) -> bool:

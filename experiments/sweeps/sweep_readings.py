@@ -221,7 +221,6 @@ def levels_of(design: SweepDesign, *, with_factors: bool = True) -> list[SweepLe
 
 
 def _drift_levels(design: SweepDesign) -> list[SweepLevel]:
-    """Return the levels that are measured again at the end."""
     if isinstance(design, PowerSweepDesign):
         return [SweepLevel(1.0, factor) for factor in design.drift_factors]
     return [SweepLevel(value, None) for value in design.drift_pixel_values]
@@ -279,7 +278,6 @@ class SweepReader:
         return self._luminance(planned, shown)
 
     def _luminance(self, planned: PlannedReading, shown: AchievedLevel) -> LuminanceReading:
-        """Return a reading of the luminance meter."""
         meter = self._devices.luminance_meter
         assert meter is not None
         begun = self._store.now()
@@ -310,7 +308,6 @@ class SweepReader:
         }
 
     def _power(self, planned: PlannedReading, shown: AchievedLevel, design: PowerSweepDesign) -> PowerReading:
-        """Return a reading of the power meter, and of the luminance meter if there is one."""
         meter, screen = self._devices.power_meter, self._devices.screen
         assert meter is not None
         power_meter: PowerMeter = meter

@@ -255,7 +255,6 @@ class ComparisonViewing(Viewing):
         return float((1 - person.eye.lapse_rate) * sees + person.eye.lapse_rate / 2)
 
     def _evidence(self, person: ComparisonObserver, name: str) -> Array:
-        """Return a person's d' of each stretch of a sequence."""
         return person.evidence_of(self.views.changes(person, name))
 
 

@@ -179,7 +179,6 @@ def ring_visibility(
 
 
 def _masking(contrast: Array, model: ContrastModel) -> Array:
-    """Return what masks each pixel of a band."""
     return neighbourhood_mean(np.abs(contrast) ** MASKING_EXPONENT, model.masking)
 
 

@@ -136,7 +136,6 @@ def _reported_direction(orientation: int, right: bool, which: float) -> int:
 
 
 def _random_direction(which: float) -> int:
-    """Return one of the eight directions."""
     return ORIENTATIONS[int(which * len(ORIENTATIONS))]
 
 

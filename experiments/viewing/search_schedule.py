@@ -147,7 +147,6 @@ def _backgrounds(point: SearchPoint, display: Display) -> list[float]:
 
 
 def _point(path: CameraPath, rings: KeypointRings, stimulus: LoadedStimulus, display: Display) -> SearchPoint:
-    """Return one keypoint."""
     keypoint = path.keypoint(rings.keypoint)
     times = stimulus.track.times
     frame = max(int((times <= keypoint.time + 1e-9).sum()) - 1, 0)

@@ -118,7 +118,6 @@ class SearchTask(Task):
         )
 
     def _view(self, planned: PlannedTrial, noise_seed: int) -> SearchView:
-        """Return what is shown."""
         return SearchView(
             scene=planned.scene,
             camera=planned.camera,
