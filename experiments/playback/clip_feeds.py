@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager, nullcontext
+from contextlib import AbstractContextManager
 from dataclasses import replace
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 AHEAD = 2.0  # [s] of video that is decoded before it begins
 
 
-class ImageFeed(Protocol):
+class ImageFeed(AbstractContextManager["ImageFeed"]):
     """Gives the images of a clip, in order.
 
     Attributes
@@ -43,13 +43,19 @@ class ImageFeed(Protocol):
         Whether what a refresh shows is the moment at which it is due, or a frame that lasts.
     """
 
-    for_each_refresh: ClassVar[bool]
+    for_each_refresh: ClassVar[bool] = False
+    _size: tuple[int, int]
 
     def ready(self, patience: float) -> bool:
-        """Wait until the clip can begin, for some time at most [s], and return whether it can."""
+        """Wait until the clip can begin, for some time at most [s], and return whether it can.
+
+        What is drawn when it is due can at once.
+        """
+        return True
 
     def size(self) -> tuple[int, int]:
-        """Return width and height of the images [pixels]."""
+        """Return width and height of the images, in a headset of an eye's [pixels]."""
+        return self._size
 
     def image(self, index: int, time: float = 0.0) -> Image | EyeImages:
         """Return the image of a frame; it holds until the next one is asked for.
@@ -66,12 +72,17 @@ class ImageFeed(Protocol):
         InputError
             If there is none.
         """
+        raise NotImplementedError  # each kind has its own
 
     def levels(self) -> tuple[NDArray[Any], int]:
         """Return the levels of the image last asked for, (height, width, 3), and how many there are."""
+        raise NotImplementedError  # each kind has its own
+
+    def __exit__(self, *_: object) -> None:
+        """End the reading, where something is read."""
 
 
-class VideoFeed(AbstractContextManager["VideoFeed"]):
+class VideoFeed(ImageFeed):
     """The images of a video that is decoded ahead, from now on.
 
     Parameters
@@ -90,8 +101,6 @@ class VideoFeed(AbstractContextManager["VideoFeed"]):
     InputError
         If the video has more or fewer frames than the clip.
     """
-
-    for_each_refresh: ClassVar[bool] = False
 
     def __init__(
         self, clip: Clip, n_frames: int, renderer: ImageUploads, scaler: ImageScaler | None = None
@@ -216,12 +225,12 @@ class ClipFeeds:
             scaler = None if clip.scale in (None, 1.0) else self._scaler
             self._prepared = VideoFeed(clip, self._n_frames(clip), self._renderer, scaler)
 
-    def taken(self, clip: Clip) -> AbstractContextManager[ImageFeed]:
+    def taken(self, clip: Clip) -> ImageFeed:
         """Return the images of a clip, from now on the caller's to close."""
         self.prepare(clip)
         clip = self._as_fed(clip)
         if isinstance(clip.video, SceneSequence):
-            return nullcontext(self._scene_feed(clip.video, clip.scale))
+            return self._scene_feed(clip.video, clip.scale)
         prepared, self._prepared = self._prepared, None
         assert prepared is not None
         return prepared
@@ -250,7 +259,7 @@ class ClipFeeds:
         return self._scene
 
 
-class SceneFeed:
+class SceneFeed(ImageFeed):
     """Draws the frames of a walk; unscaled and with as many samples, the codes of its `frames`.
 
     Parameters
@@ -272,8 +281,6 @@ class SceneFeed:
         If there is no such scene, or the path leaves it.
     """
 
-    for_each_refresh: ClassVar[bool] = False
-
     def __init__(
         self,
         sequence: SceneSequence,
@@ -292,14 +299,6 @@ class SceneFeed:
         self._image = Image(self._renderer.codes, GRID_LEVELS, from_below=True)
         self._index: int | None = None
 
-    def ready(self, patience: float) -> bool:
-        """Return True: each frame is drawn when it is due."""
-        return True
-
-    def size(self) -> tuple[int, int]:
-        """Return width and height of the images [pixels]."""
-        return self._size
-
     def image(self, index: int, time: float = 0.0) -> Image:
         """Return the image of a frame; it holds until the next one is asked for."""
         if index != self._index:
@@ -317,7 +316,7 @@ class SceneFeed:
         return levels, count
 
 
-class EyeSceneFeed:
+class EyeSceneFeed(ImageFeed):
     """Draws a walk for both eyes of a headset: position and azimuth of the path, and the head on top.
 
     Each refresh shows the moment of its own time, between the frames of the sequence too; so the walk is as
@@ -348,14 +347,6 @@ class EyeSceneFeed:
         self._stereo = StereoRenderer(window.context(), scene, self._size, sequence.quality)
         left, right = (Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes)
         self._images = EyeImages(left, right)
-
-    def ready(self, patience: float) -> bool:
-        """Return True: each refresh is drawn when it is due."""
-        return True
-
-    def size(self) -> tuple[int, int]:
-        """Return width and height of the image of an eye [pixels]."""
-        return self._size
 
     def image(self, index: int, time: float = 0.0) -> EyeImages:
         """Return what the eyes see at a time [s]; it holds until the next is asked for."""
