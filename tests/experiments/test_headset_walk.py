@@ -17,6 +17,7 @@ from evenlight.experiments.playback import player, walk_request
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer, largest_change
 from evenlight.experiments.playback.headset_walk import HeadsetWalk, turned
 from evenlight.experiments.playback.live_dimming import LiveDimmer
+from evenlight.experiments.playback.loss_meters import LossMeter
 from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
 from evenlight.experiments.playback.walk import SPEED, Walk, Walker
 from evenlight.experiments.playback.walk_request import walk_as_asked
@@ -170,7 +171,7 @@ def test_a_refresh_of_a_dimmed_walk_waits_for_nothing_where_the_graphics_card_me
     The loss is measured here by a meter that is never done, so that only the luminance counts.
     """
 
-    class NeverDone(walk_request.open_meter.__globals__["_LightMeter"]):
+    class NeverDone(LossMeter):
         name = "never done"
 
         def __init__(self, *_, light, **__) -> None:
