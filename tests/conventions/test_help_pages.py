@@ -1,6 +1,8 @@
 """`--help` is for a newcomer: commands in groups, options in panels, plain words, two examples."""
 
+import os
 import re
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -167,3 +169,15 @@ def test_the_command_answers_the_shell(
     monkeypatch.setenv("COMP_CWORD", str(len(typed.split()) - 1))
     answered = command()
     assert (answered.code, answered.out.split()) == (0, completed)
+
+
+def test_the_script_that_completes_is_one_that_bash_reads(
+    command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever shell has started the tests."""
+    monkeypatch.setattr("typer.completion._get_shell_name", lambda: "bash")
+    script = command("--show-completion").out
+    assert "_EVENLIGHT_COMPLETE=complete_bash" in script
+    done = subprocess.run(["bash", "-n"], input=script, text=True, capture_output=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert os.environ.get("_EVENLIGHT_COMPLETE") is None

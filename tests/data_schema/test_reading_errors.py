@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -31,6 +32,7 @@ from evenlight.data_schema.tracks.loss_curves import (
     read_loss_curves,
     write_loss_curves,
 )
+from evenlight.method.preset_files import PRESETS, load_display, load_power_model, load_rate_limit
 
 READERS: list[tuple[str, Callable[[Path], Any]]] = [
     ("file.json", lambda path: read_json_record(RateLimit, path)),
@@ -359,3 +361,70 @@ def test_a_plain_array_is_no_file_of_loss_curves(tmp_path: Path) -> None:
 def test_a_design_without_rates_says_so() -> None:
     with pytest.raises(ValueError, match=r"relative_rates must hold at least 1 number\(s\), got 0"):
         RampDesign(relative_rates=())
+
+
+# --- numbers that are none
+
+NO_NUMBERS = ("nan", "inf", "-inf")
+
+
+@pytest.mark.parametrize("word", NO_NUMBERS)
+def test_no_preset_holds_a_number_that_is_none(word: str, tmp_path: Path) -> None:
+    for load, preset, key in (
+        (load_display, "varjo-xr3.display", "peak_luminance_cd_m2"),
+        (load_power_model, "surace2025.power", "base_power_w"),
+    ):
+        lines = (PRESETS / f"{preset}.toml").read_text().splitlines()
+        path = tmp_path / "odd.toml"
+        path.write_text("\n".join(f"{key} = {word}" if line.startswith(key) else line for line in lines))
+        assert f"{key} must be finite, got {word}" in refusal(lambda path, load=load: load(str(path)), path)
+
+
+@pytest.mark.parametrize(
+    ("word", "said"),
+    [("NaN", "NaN is no number"), ("-Infinity", "-Infinity is no number"),
+     ("1e999", "must be finite, got inf")],
+)  # fmt: skip
+@pytest.mark.parametrize("key", ["coefficients", "luminance_range_cd_m2", "band_lower_cd_m2_s"])
+def test_no_rate_limit_holds_a_number_that_is_none(key: str, word: str, said: str, tmp_path: Path) -> None:
+    content = json.loads((PRESETS / "surace2025.rate_limit.json").read_text())
+    content[key][0] = 12345.0
+    path = tmp_path / "odd.json"
+    path.write_text(json.dumps(content).replace("12345.0", word))
+    assert said in refusal(lambda path: load_rate_limit(str(path)), path)
+
+
+@pytest.mark.parametrize("name", ["loss", "durations", "mean_luminance", "channel_means", "factors"])
+@pytest.mark.parametrize("word", NO_NUMBERS)
+def test_no_array_of_loss_curves_holds_a_number_that_is_none(
+    name: str, word: str, curves: LossCurves, tmp_path: Path
+) -> None:
+    values = np.array(getattr(curves, name))
+    values.flat[1] = float(word)
+    with pytest.raises(ValueError, match=f"must be finite, got {word}"):
+        replace(curves, **{name: values})
+    path = tmp_path / "odd.npz"
+    write_loss_curves(path, curves)
+    with np.load(path) as content:
+        arrays = dict(content) | {name: values}
+    np.savez(path, **arrays)
+    assert f"must be finite, got {word}" in refusal(read_loss_curves, path)
+
+
+@pytest.mark.parametrize(
+    ("column", "cell", "words"),
+    [
+        (4, "1e300", "mean_luminance_cd_m2 must be at most 2e"),
+        (5, "-1.0", "rate_cd_m2_s of frame 0 contradicts the factors: from 0.5 to 0.6"),
+    ],
+)
+def test_a_track_that_contradicts_itself_is_refused(
+    make_stimulus: Callable[..., None], tmp_path: Path, column: int, cell: str, words: str
+) -> None:
+    make_stimulus(tmp_path, [0.5, 0.6, 0.6])
+    path = tmp_path / "track.csv"
+    lines = path.read_text().splitlines()
+    cells = lines[1].split(",")
+    cells[column] = cell
+    path.write_text("\n".join([lines[0], ",".join(cells), *lines[2:]]) + "\n")
+    assert words in refusal(read_track, path)

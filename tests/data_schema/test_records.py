@@ -22,6 +22,7 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.record_kinds import KINDS, RecordKind
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response
+from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
@@ -208,6 +209,55 @@ def test_an_estimate_lies_in_its_interval() -> None:
         Threshold(
             "01", "white", 0.5, 50.0, 1.0, 2.0, 3.0, 0.2, 1.0, 0.1, 0.1, None, 48, 0, ThresholdFlag.NONE
         )
+
+
+def test_a_rate_limit_below_zero_everywhere_is_refused_and_one_of_zero_is_not() -> None:
+    with pytest.raises(ValueError, match="rate below 0 at all of luminance_range, at most -1"):
+        RateLimit("r", "d", "", RateLimitForm.RATE, (-2.0, 1.0), (1.0, 100.0))
+    RateLimit("r", "d", "", RateLimitForm.RATE, (0.0,), (1.0, 100.0))
+
+
+@pytest.mark.parametrize("order", [(math.nan, 0.01), (0.01, math.nan)])
+def test_a_nan_is_found_wherever_it_stands(order: tuple[float, float]) -> None:
+    """NaN compares false with everything, so a smallest and a largest number can hide it."""
+    with pytest.raises(ValueError, match="must be finite, got nan"):
+        RampDesign(relative_rates=order)
+
+
+def test_a_limit_names_quantity_unit_and_value() -> None:
+    with pytest.raises(ValueError, match=r"^peak_luminance must be at least 1e-06 cd/m\^2, got -1"):
+        Display("x", -1.0, 0.0, 2.2, 30.0)
+
+
+def test_a_power_model_is_one_whose_power_can_be_written_down() -> None:
+    with pytest.raises(ValueError, match="power_per_luminance must be at most 1e"):
+        PowerModel("x", PanelKind.LCD, 1.0, power_per_luminance=1e308, peak_luminance=1e308)
+    with pytest.raises(ValueError, match="blue_power must be at most 1e"):
+        PowerModel("x", PanelKind.OLED, 1.0, red_power=1.0, blue_power=1e308)
+
+
+def test_records_cannot_be_changed() -> None:
+    display = Display("x", 100.0, 0.1, 2.2, 30.0)
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        display.gamma = 2.4  # that it cannot be is the claim
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"power_per_luminance": 1e4, "peak_luminance": 1e4}, r"must take 1e-06 to 1e\+06 W, got 1e\+08 W"),
+        ({"power_per_luminance": 1e-300}, r"must take 1e-06 to 1e\+06 W, got 5e-298 W"),
+    ],
+)
+def test_a_power_model_is_one_of_a_panel(changes: dict[str, float], words: str) -> None:
+    lcd = PowerModel("p", PanelKind.LCD, 0.0, 0.002, 500.0)
+    with pytest.raises(ValueError, match=words):
+        dataclasses.replace(lcd, **changes)
+
+
+def test_a_window_has_pixels_that_a_screen_can_have() -> None:
+    with pytest.raises(ValueError, match="window_size must be at most 32768 pixels"):
+        Rig("r", "varjo-xr3", 0.6, 60.0, window_size=(10**9, 720))
 
 
 def test_the_columns_of_a_track_are_equally_long() -> None:

@@ -574,3 +574,22 @@ def test_keys_of_toml_are_found_in_their_tables() -> None:
 def test_a_missing_key_is_in_the_line_of_what_it_is_missing_in() -> None:
     assert line_of(("display", "gamma"), {("display",): 7}) == 7
     assert line_of(("gamma",), {("display",): 7}) is None
+
+
+def test_what_is_no_kind_of_file_any_more_is_not_taken_for_another(tmp_path: Path) -> None:
+    """By their keys, each of these would be a wrong file of another kind."""
+    (tmp_path / "films.catalogue.csv").write_text("path,name,budget\na.mkv,a,0.5\n")
+    (tmp_path / "errors.csv").write_text("name,video,why\na,a.mkv,gone\n")
+    gains = ("proportional", "integral", "derivative", "gain_rate_hz")
+    shared = ("target_loss", *gains, "mean_loss", "mean_factor", "provenance", "budget", "budget_unit")
+    write_json(tmp_path / "control.json", dict.fromkeys((*shared, "horizon_s", "mean_power_w"), 0.1))
+    shutil.copy(tmp_path / "control.json", tmp_path / "others.json")
+    shutil.copy(tmp_path / "errors.csv", tmp_path / "others.csv")
+    told = {checked.path.name: checked.words for checked in validate(tmp_path)}
+    assert told == {
+        "control.json": "",
+        "errors.csv": "",
+        "films.catalogue.csv": "",
+        "others.csv": "catalogue row",
+        "others.json": "live control",
+    }

@@ -17,6 +17,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_writing import new_dataset
 from evenlight.data_schema.recordings.instrument_logs import ClockPing
 from evenlight.data_schema.recordings.session import EventKind, SessionEvent
+from evenlight.data_schema.storage import whole_files
 from evenlight.data_schema.storage.append_log import AppendedRows, AppendLog, mend_last_line, record_line
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.whole_files import results_folder, whole_folder, write_whole
@@ -28,6 +29,11 @@ def everything(folder: Path) -> dict[str, bytes | None]:
         path.relative_to(folder).as_posix(): path.read_bytes() if path.is_file() else None
         for path in folder.rglob("*")
     }
+
+
+def test_a_file_is_written_with_the_folders_it_needs(tmp_path: Path) -> None:
+    write_whole(tmp_path / "a" / "b.txt", "L_a [cd/m²]")
+    assert everything(tmp_path) == {"a": None, "a/b.txt": "L_a [cd/m²]".encode()}
 
 
 @pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
@@ -117,6 +123,13 @@ def test_a_block_that_fails_leaves_nothing_of_it(failure: BaseException, tmp_pat
     assert everything(tmp_path) == {}
 
 
+def test_a_block_that_fails_leaves_an_earlier_folder_as_it_was(tmp_path: Path) -> None:
+    (tmp_path / "track.csv").write_text("earlier")
+    with pytest.raises(RuntimeError):
+        write_half(tmp_path, "track.csv", RuntimeError())
+    assert everything(tmp_path) == {"track.csv": b"earlier"}
+
+
 def test_results_replace_those_of_the_same_name_only(tmp_path: Path) -> None:
     (tmp_path / "track.csv").write_text("earlier")
     (tmp_path / "mine.txt").write_text("mine")
@@ -173,6 +186,16 @@ def test_a_folder_whose_replacement_fails_is_as_it_was(tmp_path: Path) -> None:
     assert everything(tmp_path) == before
 
 
+def test_a_folder_named_for_it_is_replaced_as_a_whole(tmp_path: Path) -> None:
+    write_anew(earlier_results(tmp_path))
+    assert everything(tmp_path) == {
+        "dataset": None,
+        "dataset/a.csv": b"later",
+        "report.html": b"later",
+        "mine.txt": b"mine",
+    }
+
+
 @pytest.mark.parametrize("step", range(4))
 @pytest.mark.parametrize("when", ["before", "after"])
 def test_an_interruption_at_any_step_leaves_everything_as_it_was(
@@ -212,6 +235,15 @@ def test_a_folder_below_a_file_is_refused_before_any_work(tmp_path: Path) -> Non
     ):
         pytest.fail("the work was begun")
     assert everything(tmp_path) == {"file": b""}
+
+
+def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("")
+    with (
+        pytest.raises(InputError, match=r"cannot write to the folder .*out"),
+        results_folder(tmp_path / "out"),
+    ):
+        pytest.fail("the work was begun")
 
 
 def test_folders_made_on_the_way_to_one_that_cannot_be_made_are_removed(tmp_path: Path) -> None:
@@ -261,6 +293,13 @@ def test_a_block_that_fails_leaves_all_as_it_was(tmp_path):
         put(fresh / "missing" / "folder", new=Path("nothing").read_text())
     assert contents(tmp_path / "a") == {"old": "1"}
     assert [path.name for path in tmp_path.iterdir()] == ["a"]
+
+
+def test_a_place_that_cannot_be_taken_is_told(tmp_path, monkeypatch):
+    (tmp_path / "a").write_text("a file")
+    monkeypatch.setattr(whole_files, "TRIES", 1)
+    with pytest.raises(InputError, match="cannot write"), whole_folder(tmp_path / "a" / "b") as fresh:
+        put(fresh, new="1")
 
 
 def test_what_was_killed_between_the_two_renames_is_brought_back(tmp_path):

@@ -24,7 +24,7 @@ from evenlight.data_schema.storage.tables import number_in, plain_cell
 from evenlight.data_schema.storage.text_files import DEEPEST, read_text
 from evenlight.data_schema.storage.whole_files import recording_folder, results_folder
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
-from evenlight.experiments.design_files import DESIGNS, load_design
+from evenlight.experiments.design_files import DESIGNS, load_design, load_sweep_design
 from evenlight.experiments.playback import measured_play
 from evenlight.hardware import measure_command
 from evenlight.hardware.luminance_table import read_table
@@ -80,6 +80,17 @@ def options_of_kind(kind: type) -> list[Any]:
             if of is kind or kind in typing.get_args(of):
                 found.append(pytest.param(mounted.callback, name, id=f"{mounted.callback.__name__}-{name}"))
     return found
+
+
+def test_there_are_options_to_try() -> None:
+    assert len(options_of_kind(float)) > 25
+    assert len(options_of_kind(int)) > 15
+
+
+def test_a_warm_up_with_more_readings_than_memory(tmp_path) -> None:
+    (tmp_path / "d.toml").write_text('name = "x"\nwarm_up_interval_s = 1e-300\n')
+    with pytest.raises(InputError, match="warm_up_interval_s must lie in"):
+        load_sweep_design("luminance-sweep", str(tmp_path / "d.toml"))
 
 
 @pytest.mark.parametrize(("callback", "name"), options_of_kind(float))

@@ -131,3 +131,23 @@ def test_the_sum_of_more_pixels_than_float32_can_count() -> None:
     sums = convert_integers(white, linear, np.float32(0), np.float32(1), luminance)
     assert sums == (side**2,) * 3
     assert float(luminance.mean(dtype=np.float64)) == pytest.approx(1.0, abs=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("height", [1e-7, 1e-3, 0.1, 0.5])
+def test_one_odd_pixel_in_a_flat_frame(height) -> None:
+    picture = np.full((24, 24), 0.5)
+    picture[11, 12] += height
+    found = curves_of(picture, lab()).loss[0]
+    np.testing.assert_allclose(found, by_definition(picture, lab()), atol=1e-3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("peak", [1e-6, 1e-4, 1e-2, 1e4, 1e6])
+def test_dim_and_glaring_displays_agree_with_the_definition(peak) -> None:
+    rng = np.random.default_rng(1)
+    picture = np.kron(rng.random((8, 20)), np.ones((4, 5))) * rng.random((32, 100))
+    picture[:, :50] = 0  # black without a black level: Eq. 2 without its epsilon is 0 / 0
+    curves = curves_of(picture, lab(peak))
+    np.testing.assert_allclose(curves.loss[0], by_definition(picture, lab(peak)), atol=1e-3)
+    assert curves.mean_luminance[0] == pytest.approx((picture**2.2).mean() * peak, rel=1e-5)

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import SolverName
@@ -108,3 +110,20 @@ def test_an_answer_without_dual_variables_gets_a_bound_too(make_curves) -> None:
     answer = optimize(problem, make_solver(SolverName.SLSQP, np.random.default_rng(0)))
     assert answer.frame_weights is None
     assert 0 < lower_bound(problem, answer) <= problem.objective(answer.factors)
+
+
+def test_a_mean_factor_is_no_budget_for_an_oled_panel(make_curves) -> None:
+    oled = PowerModel("o", PanelKind.OLED, 0.1, red_power=1.0, green_power=1.0, blue_power=1.0)
+    request = Request(0.5, BudgetUnit.FACTOR, oled, load_rate_limit("surace2025"))
+    with pytest.raises(InputError, match="says nothing of the power of an OLED panel"):
+        pose(make_curves([0.2, 0.3]), request)
+
+
+@pytest.mark.parametrize("luminance", [1e-4, 1e4, 1e-300])
+def test_very_dark_and_very_bright_frames(make_curves, luminance) -> None:
+    curves = make_curves([0.2, 0.5, 0.6, 0.3], luminance=luminance)
+    request = Request(0.5, BudgetUnit.FACTOR, load_power_model("surace2025"), load_rate_limit("surace2025"))
+    problem = pose(curves, request)
+    answer = optimize(problem, make_solver(SolverName.SPLITTING, np.random.default_rng(0)))
+    assert is_feasible(problem, answer.factors)
+    assert lower_bound(problem, answer) <= problem.objective(answer.factors) + 1e-12

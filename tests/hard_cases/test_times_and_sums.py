@@ -6,10 +6,16 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
     BudgetUnit,
+    TrackHeader,
+    read_track,
+    write_track,
 )
-from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves, write_loss_curves
 from evenlight.method.choices import SolverName
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.online.control_curves import control_curves
@@ -21,6 +27,7 @@ from evenlight.method.optimizer.request import Request
 from evenlight.method.optimizer.splitting import make_solver
 from evenlight.method.preset_files import load_power_model, load_rate_limit
 from evenlight.method.rate_limit import largest_rate_ratio, scalar_rate_limit
+from evenlight.stimuli.video.video_source import frame_times, uniform_times
 
 MANY = 100_000  # frames: 55 minutes at 30 Hz
 
@@ -92,3 +99,46 @@ def test_the_controller_keeps_the_limit_in_steps_near_rounding(make_curves, dura
     )
     assert np.any(track.rate != 0)
     assert largest_rate_ratio(track.rate, track.rate_limit) <= 1 + 1e-6
+
+
+def test_durations_of_zero_are_refused_and_time_stamps_must_rise(make_curves) -> None:
+    with pytest.raises(ValueError, match="a duration above 0 s, got 1 and 0"):
+        Frame(1.0, 0.0, np.zeros((8, 8, 3), np.uint8))
+    curves = make_curves([0.2, 0.5, 0.6])
+    with pytest.raises(ValueError, match="durations must be above 0 s, got 0"):
+        replace(curves, durations=np.array([0.04, 0.0, 0.04]))
+    with pytest.raises(ValueError, match="times must rise from frame to frame"):
+        replace(curves, times=np.array([0.0, 0.04, 0.04]))
+
+
+def test_equal_time_stamps_hide_a_frame_and_nothing_else() -> None:
+    ticks = [0, 33, 33, 66, 100]
+    times = frame_times(ticks, Fraction(1, 1000))
+    assert times.durations.tolist().count(0.0) == 1
+    assert times.shown == 4
+    assert times.durations.sum() == pytest.approx(0.1 + np.median([33, 33, 34]) / 1000)
+
+
+def test_a_day_of_video_keeps_its_frame_rate() -> None:
+    frames = 24 * 3600 * 30
+    times = uniform_times(frames, Fraction(30)).times[-100:]
+    np.testing.assert_allclose(np.diff(times), 1 / 30, rtol=1e-8)
+
+
+def test_files_give_back_every_bit(make_curves, tmp_path) -> None:
+    rng = np.random.default_rng(2)
+    odd = np.concatenate([[5e-324, 1e-310, 1 / 3, 0.1 + 0.2], rng.random(20)])
+    curves = replace(make_curves(np.sort(odd)), visible_contrast=odd)
+    write_loss_curves(tmp_path / "curves.npz", curves)
+    again = read_loss_curves(tmp_path / "curves.npz")
+    for name in ("times", "durations", "factors", "loss", "visible_contrast", "mean_luminance"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(curves, name))
+    header = TrackHeader("v", "d", "f", "p", "r", 1 / 3, BudgetUnit.FACTOR, "s", Provenance())
+    factors = np.maximum(odd, 1e-3)
+    rate = np.append(np.diff(factors), 0.0) / 3
+    track = BrightnessTrack(86_400 + np.arange(24) / 240, factors, odd, 1e4 * odd, rate, odd, odd, header)
+    write_track(tmp_path / "track.csv", track)
+    back = read_track(tmp_path / "track.csv")
+    for name in ("times", "factors", "contrast_loss", "mean_luminance", "rate", "rate_limit", "power"):
+        np.testing.assert_array_equal(getattr(back, name), getattr(track, name))
+    assert back.header.budget == 1 / 3

@@ -1,5 +1,6 @@
 """Luminance meters over real links: what goes wrong ends in a clear error, and no late reply is taken."""
 
+import re
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -42,6 +43,7 @@ class Bench:
     open: Callable[[str], LuminanceMeter]
     emulator: Callable[[Simulation], Any]
     beginning: int  # replies before the first reading
+    vital: int = 1  # the first of them that cannot be done without
     terminal: bool = False  # 8N1, so that a pseudo-terminal will do
     chromaticity: bool = True
 
@@ -61,8 +63,8 @@ BENCHES = {
     "ls100 short": Bench(opened(Ls100), lambda s: EmulatedLs100(s, width=5), 1, chromaticity=False),
     "ls110": Bench(opened(Ls110), EmulatedLs110, 1, chromaticity=False),
     "cs100a": Bench(opened(Cs100a), EmulatedCs100a, 1),
-    "pr655": Bench(opened(Pr655), EmulatedPr655, 6, terminal=True),
-    "pr670": Bench(opened(Pr670), EmulatedPr670, 6, terminal=True),
+    "pr655": Bench(opened(Pr655), EmulatedPr655, 6, vital=2, terminal=True),
+    "pr670": Bench(opened(Pr670), EmulatedPr670, 6, vital=2, terminal=True),
     "pr650": Bench(opened(Pr650), EmulatedPr650, 2, terminal=True),
     "colorcal": Bench(opened(ColorCal), EmulatedColorCal, 8, terminal=True),
 }
@@ -342,3 +344,41 @@ def test_a_colorcal_sets_its_zero_in_the_dark_only(simulation: Simulation) -> No
         assert (failed.value.fault, failed.value.code) == (Fault.REFUSED, "ER11")
         simulation.panel.show(0.0)
         meter.zero()
+
+
+def test_a_reading_that_fails_on_its_way_says_so_and_the_next_one_is_right() -> None:
+    def check(name: str, simulation: Simulation, fault: LinkFault, expected: Fault) -> None:
+        bench = BENCHES[name]
+        plan = FaultPlan(fault, first=bench.beginning + 1)
+        with linked(name, simulation, plan) as link, bench.open(link.url) as meter:
+            with pytest.raises(InstrumentError, match=re.escape(link.url)) as failed:
+                meter.read_luminance()
+            assert failed.value.fault is expected
+            simulation.panel.show(1.0)
+            assert first_reading(meter) == pytest.approx(BRIGHT, rel=0.012)
+
+    each_driver(
+        check,
+        (LinkFault.NO_REPLY, Fault.NO_REPLY),
+        (LinkFault.PARTIAL_LINE, Fault.GARBLED),
+        (LinkFault.GARBAGE, Fault.GARBLED),
+    )
+
+
+def test_an_instrument_that_fails_while_it_is_opened_leaves_no_port_open() -> None:
+    def check(name: str, simulation: Simulation, fault: LinkFault) -> None:
+        plan = FaultPlan(fault, first=BENCHES[name].vital, delay=LATE)
+        with (
+            linked(name, simulation, plan) as link,
+            pytest.raises(InstrumentError, match=re.escape(link.url)),
+        ):
+            BENCHES[name].open(link.url)
+
+    each_driver(check, *((fault,) for fault in LinkFault))
+
+
+@pytest.mark.parametrize("name", BENCHES)
+def test_a_port_that_is_not_there_is_named(name: str) -> None:
+    with pytest.raises(InstrumentError, match=r"/dev/nowhere.*measure list") as failed:
+        BENCHES[name].open("/dev/nowhere")
+    assert failed.value.fault is Fault.NOT_FOUND

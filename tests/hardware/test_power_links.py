@@ -25,13 +25,14 @@ from evenlight.hardware.drivers.board_link import PowerBoard
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.drivers.power_board import BoardPowerMeter
 from evenlight.hardware.drivers.scpi_power import ScpiPowerMeter, VisaPowerMeter
-from evenlight.hardware.power_average import average_power
-from evenlight.hardware.protocols import Fault, InstrumentError, PowerMeter
+from evenlight.hardware.power_average import PowerAverage, average_power
+from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, PowerMeter
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
 pytestmark = pytest.mark.slow
 
+FULL, DIMMED = 0.6661, 0.2945 + 0.001858 * 200 * 0.25  # [W] of the panel at b = 1 and 0.25
 PATIENT = 30.0  # [s] where nothing is to be waited for
 TIMEOUT = 0.35  # [s] where it is waited for
 RATE = 200.0  # [Hz]
@@ -192,3 +193,65 @@ def test_an_instrument_that_is_pulled_out_ends_the_measurement_within_its_time_o
             time.sleep(0 if found else pause)
         assert found is expected
         device.close()
+
+
+def averaged(device: PowerMeter, simulation: Simulation) -> PowerAverage:
+    """Return the average over half a second of the simulation."""
+    return average_power(device, 0.5, RATE, simulation.clock, simulation.wait)
+
+
+def dim(simulation: Simulation) -> None:
+    """Dim the panel, and let it settle."""
+    simulation.panel.set_backlight(0.25)
+    simulation.wait(1.0)
+
+
+def averaged_at_last(device: PowerMeter, simulation: Simulation) -> PowerAverage:
+    """Return the average of the first try that succeeds, of six, as a sweep makes them."""
+    for _ in range(5):
+        with contextlib.suppress(InstrumentError):
+            return averaged(device, simulation)
+    return averaged(device, simulation)
+
+
+@every_meter
+def test_a_late_reply_is_never_taken_for_a_later_one(meter, simulation) -> None:
+    with contextlib.ExitStack() as stack:
+        plan = FaultPlan(LinkFault.LATE_REPLY, first=meter.first_of_sampling, delay=2 * TIMEOUT)
+        device = opened(meter, simulation, plan, stack)
+        assert fault_of(lambda: averaged(device, simulation)) in TRANSIENT
+        dim(simulation)  # what is late tells of the panel undimmed, and is not there yet
+        assert averaged_at_last(device, simulation).power == pytest.approx(DIMMED, abs=0.001)
+
+
+@every_meter
+def test_a_meter_finds_the_power_of_the_panel(meter, simulation) -> None:
+    # 100 samples of 2 mW noise: 0.2 mW for their mean, five times that is allowed
+    with contextlib.ExitStack() as stack:
+        device = opened(meter, simulation, None, stack)
+        assert averaged(device, simulation).power == pytest.approx(FULL, abs=0.001)
+
+
+@every_meter
+def test_what_is_closed_or_not_started_says_so(meter, simulation) -> None:
+    with EmulatedLink(meter.emulator(simulation), pseudo_terminal=meter.pseudo_terminal) as link:
+        device = meter.driver(meter.address(link.url), simulation.clock, PATIENT)
+        with pytest.raises(InstrumentError, match="start it first"):
+            device.samples()
+        assert list(device.stop()) == []
+        device.start(RATE)
+        device.close()
+        device.close()
+        for use in (device.samples, device.ping, lambda: device.start(RATE)):
+            with pytest.raises(InstrumentError, match="closed") as told:
+                use()
+            assert told.value.fault is Fault.DISCONNECTED
+
+
+@every_meter
+def test_a_rate_that_it_has_not_is_refused(meter, simulation) -> None:
+    with contextlib.ExitStack() as stack:
+        device = opened(meter, simulation, None, stack)
+        for rate in (0.0, -1.0, 1e6, float("nan")):
+            with pytest.raises(InstrumentError, match="Hz, got"):
+                device.start(rate)

@@ -284,3 +284,20 @@ def test_reflected_light_takes_contrast():
     room = dataclasses.replace(LAB, reflected_luminance=20.0)
     dark, bright = (visible_contrast(dimmed_luminance(frame, 1.0, d), d) for d in (LAB, room))
     assert bright < dark
+
+
+@pytest.mark.slow
+@given(frames)
+def test_rows_and_columns_matter_alike(frame):
+    """Up to one pixel at the very threshold."""
+    one_pixel = 1 / 4
+    assert visible_contrast(frame.T, LAB) == pytest.approx(visible_contrast(frame, LAB), abs=one_pixel / 2)
+
+
+def test_dimming_loses_contrast_through_sensitivity_alone():
+    """With D = b · I alone, without reflections and ε, ΔL / L_a is that of the undimmed frame."""
+    frame = np.random.default_rng(4).uniform(0, 100, (16, 16))
+    undimmed, dimmed = gaussian_pyramid(frame, 4), gaussian_pyramid(0.25 * frame, 4)
+    for level in range(2):
+        ratios = [laplacian_bands(g)[level] / adaptation_luminance(g, level) for g in (undimmed, dimmed)]
+        np.testing.assert_allclose(*ratios, rtol=1e-12)

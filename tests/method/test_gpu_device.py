@@ -9,7 +9,7 @@ import pytest
 from compute_shaders import own_context
 from hard_pictures import frame_of
 
-from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel, SensitivityModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
@@ -177,3 +177,15 @@ def test_a_video_is_analysed_where_it_is_asked_to_be():
     )
     np.testing.assert_allclose(on_gpu.loss, on_processor.loss, atol=1e-3)
     np.testing.assert_allclose(on_gpu.mean_luminance, on_processor.mean_luminance, rtol=1e-6)
+
+
+def test_a_model_that_only_the_processor_computes_goes_there():
+    authors = ContrastModel(sensitivity=SensitivityModel.AUTHORS)
+    with pytest.raises(InputError, match="got 'authors'"):
+        made(Device.GPU, authors)
+    assert made(Device.AUTO, authors).device is Device.CPU
+
+
+def test_a_video_for_a_missing_graphics_processor_is_refused(without_graphics):
+    with pytest.raises(InputError, match=r"OpenGL 4\.3"):
+        analyze_frames([Frame(0.0, 0.1, FRAME)], "clip", LAB, effort=AnalysisEffort(device=Device.GPU))

@@ -525,3 +525,44 @@ def test_a_track_is_optimized_and_certified_in_one_thread(
     with threadpool_limits(limits=2, user_api="blas"):
         evenlight.optimize(make_curves(np.linspace(0.1, 0.2, 5)), 0.5)
     assert seen == [{1}, {1}]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", SOLVERS)
+def test_the_scene_that_loses_more_gets_more_light(make_curves, make_problem, name) -> None:
+    factors = solve(make_problem(two_scenes(make_curves), 0.5), name).factors
+    assert factors[-10:].mean() > factors[:10].mean() + 0.1
+
+
+def test_a_curve_that_jumps_and_one_that_is_not_monotone_are_survived(make_curves, make_problem) -> None:
+    curves = two_scenes(make_curves, 50)
+    loss = curves.loss.copy()
+    loss[10] = np.where(curves.factors < 0.6, 0.9, 0.0)
+    loss[30] = 0.3 + 0.3 * np.sin(20 * curves.factors)
+    problem = make_problem(dataclasses.replace(curves, loss=loss), 0.5)
+    factors = solve(problem, SolverName.SPLITTING).factors
+    assert problem.objective(factors) <= problem.objective(problem.baseline())
+    assert problem.rate_ratio(factors) <= 1 + 1e-9
+
+
+@pytest.mark.slow
+def test_ten_thousand_frames_each_get_their_own_factor(make_curves, make_problem) -> None:
+    i = np.arange(10_000)
+    curves = make_curves(
+        0.4 + 0.2 * np.sin(i / 700) + 0.02 * np.sin(i / 9), luminance=30 + 20 * np.cos(i / 900)
+    )
+    problem = make_problem(curves, 0.5)
+    factors = solve(problem, SolverName.SPLITTING).factors
+    assert abs(np.mean(factors) - 0.5) < 1e-9
+    assert problem.rate_ratio(factors) <= 1 + 1e-9
+    assert problem.objective(factors) < 0.6 * problem.objective(problem.baseline())
+    assert len(np.unique(factors)) > 9_000
+
+
+@pytest.mark.slow
+def test_poor_weights_make_the_bound_poor_but_never_wrong(make_curves, make_problem) -> None:
+    problem = make_problem(two_scenes(make_curves), 0.5)
+    ours = solve(problem, SolverName.SPLITTING)
+    assert ours.frame_weights is not None
+    backwards = dataclasses.replace(ours, frame_weights=ours.frame_weights[::-1].copy())
+    assert lower_bound(problem, backwards) <= problem.objective(ours.factors)

@@ -7,7 +7,7 @@ from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.online.controller import ControllerState
 from evenlight.method.online.governor import ContentCosts, Governor, GovernorSettings, first_factor
-from evenlight.method.power import power
+from evenlight.method.power import power, power_per_factor
 from evenlight.method.preset_files import load_power_model
 
 
@@ -38,6 +38,16 @@ OLED = PowerModel("oled", PanelKind.OLED, 0.25, red_power=0.5, green_power=0.75,
 )
 def test_oled_power_by_hand(channels, factor, expected) -> None:
     assert power(OLED, [factor], [channels])[0] == expected
+
+
+def test_oled_frames_each_have_their_own_power_per_factor() -> None:
+    frames = [[0.0, 0.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 0.0]]
+    assert power_per_factor(OLED, frames).tolist() == [0.0, 2.75, 0.75]
+
+
+def test_equal_light_of_another_colour_is_not_equal_power() -> None:
+    red, blue = power(OLED, [1.0, 1.0], [[0.5, 0.0, 0.0], [0.0, 0.0, 0.5]])
+    assert (red, blue) == (0.5, 1.0)
 
 
 # --- frame costs

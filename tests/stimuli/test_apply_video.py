@@ -365,6 +365,13 @@ def test_odd_sizes_come_whole_in_every_kind_of_file(tmp_path, size):
         assert next(open_video(str(tmp_path / name)).frames()).shape == size[::-1]
 
 
+def test_the_same_film_makes_the_same_file(tmp_path):
+    source = film(tmp_path / "film.mkv", smooth_planes(3))
+    for name in ("a.mkv", "b.mkv"):
+        applied(source, tmp_path / name)
+    assert (tmp_path / "a.mkv").read_bytes() == (tmp_path / "b.mkv").read_bytes()
+
+
 @pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs the program ffmpeg")
 def test_ffmpeg_dims_the_same_planes_by_the_same_scale(tmp_path):
     pictures = smooth_planes(2)

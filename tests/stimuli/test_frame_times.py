@@ -115,6 +115,11 @@ def test_uniform_times_do_not_drift():
     assert times[999_999] == 999_999 * 1001 / 30000
 
 
+def test_times_cannot_be_changed():
+    with pytest.raises(ValueError, match="read-only"):
+        uniform_times(3, Fraction(25)).times[0] = 1
+
+
 @pytest.mark.parametrize(
     ("number", "ratio"),
     [(29.97, (30000, 1001)), (23.976, (24000, 1001)), (59.94, (60000, 1001)), (12.5, (25, 2)), (24, (24, 1))],

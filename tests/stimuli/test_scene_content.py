@@ -84,6 +84,12 @@ def test_another_seed_keeps_the_walls_and_rearranges_the_books(scene):
     assert books[0].shape != books[1].shape or np.abs(books[0] - books[1]).max() > 0.01
 
 
+def test_the_same_seed_builds_the_same_house(scene):
+    again = house(1)
+    for column in ("origin", "along", "across", "uvs", "tint", "material"):
+        np.testing.assert_array_equal(getattr(again.patches, column), getattr(scene.patches, column))
+
+
 def test_every_room_has_its_name_and_is_passed(scene):
     passed = {
         place_at(scene, path.position(t))
@@ -157,6 +163,11 @@ def luminances(pictures) -> dict[str, float]:
 )
 def test_outdoors_is_bright_rooms_are_lit_and_the_basement_is_dim(luminances, view, low, high):
     assert low <= luminances[view] <= high
+
+
+def test_the_basement_is_ten_times_darker_than_sunlit_outdoors(luminances):
+    dim = np.mean([luminances[f"basement: {name}"] for name in ("basement", "jars", "laundry")])
+    assert luminances["basement: front garden"] >= 10 * dim
 
 
 def test_the_basement_at_its_budget_stays_above_the_black_of_a_headset(pictures):

@@ -7,6 +7,7 @@ from typer.testing import CliRunner
 from evenlight.command import app
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.checkerboard import white_tiles
+from evenlight.stimuli.sequence_format import on_grid
 from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence, open_video
 
 pytestmark = pytest.mark.slow
@@ -174,3 +175,16 @@ def test_what_cannot_be_rendered_is_refused_before_any_work(tmp_path, arguments,
     with pytest.raises(InputError, match=message):
         render(*arguments, "--out", tmp_path / "out.mkv", "--quiet")
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_larger_sunrise_shows_the_same_scene():
+    small, large = (
+        next(iter(built_in_sequence("sunrise", size=size, duration=0.08).frames())).pixel_values.mean(axis=2)
+        for size in ((160, 90), (320, 180))
+    )
+    halved = large.reshape(90, 2, 160, 2).mean(axis=(1, 3))
+    assert np.corrcoef(small.ravel(), halved.ravel())[0, 1] > 0.9
+
+
+def test_the_ends_of_the_range_are_the_ends_of_the_grid():
+    assert on_grid([0.0, 1.0]).tolist() == [0, 65535]

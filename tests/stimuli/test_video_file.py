@@ -77,6 +77,11 @@ def test_varying_frame_rate_keeps_its_times(tmp_path):
     np.testing.assert_allclose([f.duration for f in frames[:-1]], np.diff(stamps) / 1000)
 
 
+def test_the_first_frame_is_at_zero_wherever_the_file_starts(tmp_path):
+    video = open_video_file(encode(tmp_path / "v.mkv", stamps=range(100, 110)))
+    assert next(video.frames()).time == 0
+
+
 def test_frames_can_be_read_again_and_do_not_share_memory(tmp_path):
     video = open_video_file(encode(tmp_path / "v.mp4", stamps=range(5)))
     first = list(video.frames())
@@ -322,18 +327,31 @@ def test_a_failure_on_the_way_leaves_nothing_and_keeps_what_was_there(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "frames", "bits", "words"),
+    ("name", "frames", "bits", "error", "words"),
     [
-        ("a.mkv", [], None, "no frames"),
-        ("a.mkv", [*noise(np.uint8), *noise(np.uint8, size=(8, 8))], None, "need frames of shape"),
-        ("a.mkv", noise(np.uint16), 8, "need uint8 for 8 bits"),
-        ("a.mp4", noise(np.uint8), None, r"ends in \.mkv"),
+        ("a.mkv", [], None, InputError, "no frames"),
+        (
+            "a.mkv",
+            [*noise(np.uint8), *noise(np.uint8, size=(8, 8))],
+            None,
+            ValueError,
+            "need frames of shape",
+        ),
+        ("a.mkv", noise(np.uint16), 8, ValueError, "need uint8 for 8 bits"),
+        ("a.mp4", noise(np.uint8), None, InputError, r"ends in \.mkv"),
     ],
 )
-def test_what_cannot_be_written_is_refused_and_leaves_nothing(tmp_path, name, frames, bits, words):
-    with pytest.raises(ValueError, match=words):
+def test_what_cannot_be_written_is_refused_and_leaves_nothing(tmp_path, name, frames, bits, error, words):
+    with pytest.raises(error, match=words):
         write_video(tmp_path / name, frames, 25, bits=bits)
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("size", [(8, 8), (9, 11), (17, 64), (161, 23)])
+def test_odd_sizes_come_through_unchanged(tmp_path, size):
+    path = tmp_path / "odd.mkv"
+    write_video(path, [moving_picture(0, size)], 25)
+    np.testing.assert_array_equal(next(open_video_file(path).frames()).pixel_values, moving_picture(0, size))
 
 
 def test_a_place_that_cannot_be_written_is_refused(tmp_path):
@@ -493,3 +511,10 @@ def test_pickled_arrays_and_folders_without_images_are_refused(tmp_path):
     np.save(tmp_path / "bad.npy", np.array([{}]), allow_pickle=True)
     with pytest.raises(InputError, match=r"cannot read the array .*bad\.npy"):
         list(open_video(str(tmp_path)).frames())
+
+
+def test_16_bit_images_come_through_unchanged(tmp_path):
+    save(tmp_path / "a.png", picture(kind=np.uint16))
+    (frame,) = open_video(str(tmp_path)).frames()
+    assert frame.pixel_values.dtype == np.uint16
+    np.testing.assert_array_equal(frame.pixel_values, picture(kind=np.uint16))
