@@ -6,6 +6,7 @@ from typing import get_type_hints
 
 import numpy as np
 import pytest
+from exhaustive_search import _tracks, from_all_tracks
 from general_solvers import SequentialConvexSolver, by_highs
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -283,6 +284,31 @@ def test_no_track_of_a_dense_grid_is_better_where_losses_rise_and_fall() -> None
     ours = problem.objective(optimize(problem, SplittingSolver()).factors)
     assert not better_tracks(problem, ours - 1e-9, 161)
     assert better_tracks(problem, ours + 0.01, 161)
+
+
+@pytest.mark.parametrize(("n", "seed"), [(2, 1), (3, 22), (5, 2), (7, 19)])
+def test_looking_at_all_tracks_finds_little_that_is_better(n, seed) -> None:
+    """Where losses rise and fall there are local optima; of seven frames, all tracks have one 1 % lower."""
+    problem = rising_and_falling(n, seed, 0.5)
+    answer = optimize(problem, SplittingSolver())
+    ours, least = problem.objective(answer.factors), from_all_tracks(problem, answer)
+    assert ours <= least + 0.02 * problem.objective(problem.baseline())
+    assert ours == pytest.approx(least, abs=1e-6) or n == 7
+
+
+@pytest.mark.parametrize(("seed", "n"), [(1, 2), (2, 3), (3, 4)])
+def test_the_tracks_looked_at_are_all_those_of_the_grid_within_the_limits(seed, n) -> None:
+    problem = rising_and_falling(n, seed, 0.2)
+    cells = np.linspace(np.full(n, 0.2), np.ones(n), 9, axis=1)
+    found = _tracks(problem, cells, 10**6)
+    assert found is not None
+    expected = [
+        track
+        for track in itertools.product(range(9), repeat=n)
+        if abs(problem.budget_error(cells[0][list(track)])) <= 0.05 + 1e-12
+        and problem.rate_ratio(cells[0][list(track)]) <= 1
+    ]
+    assert {*map(tuple, found.tolist())} == {*expected}
 
 
 # --- robust
