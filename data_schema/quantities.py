@@ -331,14 +331,20 @@ def limit_expected(field: dataclasses.Field[Any], value: Any) -> str:
     return words[verb] + right if verb else ""
 
 
+def _one_of(pattern: str) -> str:
+    """Return the words among which a pattern leaves the choice; empty where it is no such pattern."""
+    words = re.fullmatch(r"\^\(([\w|-]+)\)\$", pattern)
+    return f"one of {words[1].replace('|', ', ')}" if words else ""
+
+
 def _broken_limit(field: dataclasses.Field[Any], value: Any) -> tuple[str, str] | None:
     """Return what a value "must be", "match" or "hold", and what it is; None if it keeps its limits."""
     meta = field.metadata
     if "unit" not in meta or isinstance(value, str):
         for text in value if isinstance(value, tuple) else (value,):
             if meta.get("pattern") and not re.fullmatch(meta["pattern"], text):
-                verb, right = ("be", meta["form"]) if meta.get("form") else ("match", meta["pattern"])
-                return verb, f"{right}, got {text!r}"
+                form = meta.get("form") or _one_of(meta["pattern"])
+                return ("be" if form else "match"), f"{form or meta['pattern']}, got {text!r}"
         return None
     unit = "" if meta["unit"] == "1" else f" {meta['unit']}"
     for number in _extremes(value):

@@ -266,7 +266,7 @@ class TrackRequest(Analysed, WantedOfAll):
             seed=self.seed,
             calm=self.calm,
             robust=self.robust_measures,
-            others=tuple(video_of(other, self.fps) for other in self.others or ()),
+            others=tuple(video_of(other, self.fps, "each of others") for other in self.others or ()),
             effort=AnalysisEffort(self.jobs, Device(self.device)),
             curves=path_of(self.curves),
             weights=path_of(self.weights),

@@ -3,7 +3,7 @@
 This is the definition, in float64. The same equation stands in three faster forms, which take their constants
 from here: solved for the critical factor of each pixel (`contrast.critical_factor`, counted by
 `contrast.one_pass`), at one factor (`contrast.one_factor`), and in compute shaders (`shaders/count.glsl`). A
-change of the equation has to be made in all four: tests/method/test_masking_forms.py holds them together.
+change of the equation has to be made in all four: tests/method/test_forms_of_loss.py holds them together.
 """
 
 from __future__ import annotations

@@ -37,17 +37,19 @@ def frame_of(pixel_values: Any, duration: float = 1.0) -> Frame:
     return frame
 
 
-def video_of(given: Named | VideoSource | Frames, fps: float | None = None) -> VideoSource:
+def video_of(
+    given: Named | VideoSource | Frames, fps: float | None = None, argument: str = "video"
+) -> VideoSource:
     """Return a video: of a path or built-in name, a source that is one already, or frames in memory."""
     if isinstance(given, str | PathLike):
         return open_video(given, fps)
     if isinstance(given, VideoSource):
         return given
     if isinstance(given, np.ndarray) and given.ndim == 3:
-        raise InputError(f"video is one frame of shape {given.shape}; give a list of frames")
+        raise InputError(f"{argument} is one frame of shape {given.shape}; give a list of frames")
     if not isinstance(given, Iterable) or isinstance(given, bytes):
         kind = type(given).__name__
-        raise InputError(f"video must be a path, a built-in sequence's name or frames, got a {kind}")
+        raise InputError(f"{argument} must be a path, a built-in sequence's name or frames, got a {kind}")
     return FramesInMemory(given, FRAMES_PER_SECOND if fps is None else fps)
 
 

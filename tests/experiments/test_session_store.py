@@ -108,7 +108,7 @@ def test_a_line_in_the_middle_that_cannot_be_read_is_named_and_nothing_is_change
     path = interrupted / "sub-01/ses-01" / TRIALS
     path.write_text(path.read_text().replace('"screen": "white"', '"screen": "whte"', 1))
     before = path.read_text()
-    with pytest.raises(InputError, match=r"trials\.jsonl, line 1: screen must match"):
+    with pytest.raises(InputError, match=r"trials\.jsonl, line 1: screen must be one of white, gray"):
         resume_session(interrupted, "01", "01", utc=str)
     assert path.read_text() == before
 
