@@ -14,7 +14,7 @@ from evenlight.data_schema.recordings.ramp import RampDesign, RampTrial, Respons
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, ComparisonTrial, Version
 from evenlight.experiments.chance import Purpose, generator_for
-from evenlight.experiments.sessions.fixed_order import PlannedTrial
+from evenlight.experiments.sessions.fixed_order import FixedOrder, PlannedTrial
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.task import (
     ConductedTrial,
@@ -38,6 +38,7 @@ __all__ = [
     "ComparisonDesign",
     "ComparisonTrial",
     "ConductedTrial",
+    "FixedOrder",
     "Keys",
     "Origin",
     "Pages",

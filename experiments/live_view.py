@@ -244,13 +244,14 @@ def live_view(folder: Path, quiet: bool) -> Iterator[Callable[[], None]]:
 def _drawn(console: Console) -> Iterator[Callable[[SessionSoFar], None]]:
     """Yield what draws how a session stands, in place of what it drew before."""
     from rich.live import Live
+    from rich.text import Text
 
     # No thread refreshes it by itself: that would take the processor from the flips of a trial.
     live = Live(console=console, auto_refresh=False)
 
     def draw(session: SessionSoFar) -> None:
         live.start()  # not before there is something to show: what is refused is told in one line
-        live.update("\n".join(in_words(session)), refresh=True)
+        live.update(Text("\n".join(in_words(session))), refresh=True)
 
     try:
         yield draw
@@ -264,7 +265,7 @@ def watch_session(folder: Path, once: bool, sleep: Callable[[float], None] = tim
 
     console, session = Console(highlight=False), SessionSoFar(folder)
     if once or not console.is_terminal:
-        console.print("\n".join(in_words(session)))
+        console.print("\n".join(in_words(session)), markup=False)
         return
     with _drawn(console) as draw, suppress(KeyboardInterrupt):
         draw(session)

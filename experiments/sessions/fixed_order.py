@@ -33,7 +33,11 @@ class PlannedTrial(SimpleNamespace):
 
     def __init__(self, shown: Mapping[str, Any] | None = None, /, **columns: Any) -> None:
         super().__init__(**(shown or {}), **columns)
-        self._shown, self.columns = dict(shown or {}), columns
+        vars(self).update(_shown=dict(shown or {}), columns=columns)
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse a change, which the columns would not have; `but` makes another trial."""
+        raise AttributeError(f"a planned trial cannot be changed: use but({name}=...)")
 
     def but(self, **columns: Any) -> PlannedTrial:
         """Return the same trial with some other columns, or more of them."""
