@@ -1,4 +1,4 @@
-"""How many lines the product, the content of scenes and the tests have, and how many they may have.
+"""How many lines product, content of scenes, tests and benchmarks have, and how many they may have.
 
 `make check` runs it: `python tests/companions/line_budget.py`. The limits stand in `pyproject.toml`.
 """
@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+OTHERS = ("tests", "benchmarks")
 PRODUCT = ("evenlight", "data_schema", "method", "hardware", "stimuli", "experiments", "analysis")
 CONTENT = "stimuli/scenes/content/"  # it describes places
 ADVICE = (
@@ -21,11 +22,11 @@ ADVICE = (
 
 
 def part_of(path: str) -> str | None:
-    """Return what a Python file is a part of: the product, its content, or its tests."""
+    """Return what a Python file is a part of: the product, its content, tests or benchmarks."""
     folder = path.partition("/")[0]
-    if not path.endswith(".py") or folder not in (*PRODUCT, "tests"):
+    if not path.endswith(".py") or folder not in (*PRODUCT, *OTHERS):
         return None
-    return "tests" if folder == "tests" else "content" if path.startswith(CONTENT) else "product"
+    return folder if folder in OTHERS else "content" if path.startswith(CONTENT) else "product"
 
 
 def lines_of(root: Path, paths: Iterable[str]) -> Counter[str]:
