@@ -83,7 +83,7 @@ def test_the_page_tells_the_numbers_that_are_found(tables) -> None:
 
 
 def test_every_page_that_an_open_point_names_is_there() -> None:
-    pages = re.findall(r"\[page\]\((.*?)\)", PAGE)
+    pages = re.findall(r"\[why\]\((.*?)\)", PAGE)
     assert len(pages) == 21
     assert all((ROOT / "docs" / page).is_file() for page in pages)
 

@@ -1,6 +1,5 @@
 """A display that drops frames: who is told, what is shown again, and what a pause counts."""
 
-import dataclasses
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -11,7 +10,7 @@ from evenlight.data_schema.recordings.dataset_layout import TRIALS, session_fold
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.experiments import run_command, run_session
 from evenlight.experiments.sessions.dropped_frames import drop_counts
-from evenlight.experiments.sessions.fixed_order import FixedOrder
+from evenlight.experiments.sessions.fixed_order import FixedOrder, PlannedTrial
 from evenlight.experiments.stage import PausePressed, ShownInterval
 
 
@@ -58,19 +57,16 @@ def test_the_worst_of_the_flagged_trials_is_named() -> None:
     assert drop_counts(shown[1:2]) == {}
 
 
-@dataclasses.dataclass(frozen=True)
-class Clip:
-    sequence: str
-    block: int = 1
-    columns: dict[str, str] = dataclasses.field(default_factory=dict)
+def clip(name: str) -> PlannedTrial:
+    return PlannedTrial({"sequence": name}, block=1)
 
 
 def showings(flags: str) -> int:
     """Return how many of 8 videos are shown; those marked x are flagged, later ones as the last."""
-    order, n = FixedOrder([Clip(name) for name in "abcdefgh"], repeat_flagged=True), 0
-    while order.next_trial() is not None:
+    order, n = FixedOrder([clip(name) for name in "abcdefgh"], repeat_flagged=True), 0
+    while (planned := order.next_trial()) is not None:
         flag = TrialFlag.DROPPED_FRAMES if flags[min(n, len(flags) - 1)] == "x" else TrialFlag.NONE
-        order.take(SimpleNamespace(flag=flag, trial_index=n, participant_id="01"))
+        order.take(SimpleNamespace(flag=flag, trial_index=n, participant_id="01", block=planned.block))
         n += 1
     return n
 
@@ -82,10 +78,11 @@ def test_nothing_is_shown_again_where_every_showing_was_flagged() -> None:
 
 
 def test_one_flagged_showing_may_be_a_hiccup_and_is_repeated() -> None:
-    order = FixedOrder([Clip("a")], repeat_flagged=True)
-    for _ in range(2):
+    order = FixedOrder([clip("a")], repeat_flagged=True)
+    for block in (1, 2):
         assert order.n_left == 1
-        order.take(SimpleNamespace(flag=TrialFlag.DROPPED_FRAMES, trial_index=0, participant_id="01"))
+        flagged = {"flag": TrialFlag.DROPPED_FRAMES, "block": block}
+        order.take(SimpleNamespace(**flagged, trial_index=0, participant_id="01"))
     assert order.next_trial() is None
 
 
