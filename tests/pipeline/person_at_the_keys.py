@@ -102,7 +102,7 @@ def press(name: str) -> None:
 
 def main(dataset: Path) -> None:
     rig_module.require_refresh_rate = lambda rig, measured: None
-    run_session.Person = Sitter  # type: ignore[misc,assignment] # who sits there is a person to the session
+    run_session.Participant = Sitter  # type: ignore[misc,assignment] # who sits there is a person to the session
     rig, display = load_rig("simulated")
     rig = dataclasses.replace(rig, window_size=(480, 300))  # pages find room, and a processor draws it soon
     request = run_session.SessionRequest(
