@@ -54,6 +54,7 @@ if TYPE_CHECKING:
 app = typer.Typer(name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
+STOPPED = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
 
 # Typer has moved this class between its versions; its public subclass tells where it is.
 UsageError = cast("type[typer.BadParameter]", typer.BadParameter.__mro__[1])
@@ -199,9 +200,13 @@ def main(arguments: list[str] | None = None) -> None:
     except UsageError as error:
         _end(_usage(error, given), 2)
     except _Terminated:
-        _end("terminated; nothing half-written is left", TERMINATED)
+        code = TERMINATED
     except (typer.Abort, KeyboardInterrupt):
         code = INTERRUPTED
+    except RuntimeError as error:  # Python 3.11 wraps what comes while a class is made
+        if not isinstance(error.__cause__, KeyboardInterrupt | _Terminated):
+            raise
+        code = TERMINATED if isinstance(error.__cause__, _Terminated) else INTERRUPTED
     except BrokenPipeError:  # nobody reads what it says any more
         sys.stdout = None
         code = 1
@@ -210,8 +215,8 @@ def main(arguments: list[str] | None = None) -> None:
         _end(_system_error(error), 2)
     except MemoryError:
         _end("this needs more memory than there is; give less at a time", 2)
-    if code == INTERRUPTED:  # Typer may have turned the interruption into this number
-        _end("interrupted; nothing half-written is left", INTERRUPTED)
+    if code in STOPPED:  # Typer may have turned an interruption into its number
+        _end(f"{STOPPED[code]}; nothing half-written is left", code)
     sys.exit(code or 0)
 
 

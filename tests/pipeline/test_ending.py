@@ -46,6 +46,32 @@ def test_a_run_that_is_stopped_says_so_in_one_line_and_leaves_nothing(
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize(
+    ("cause", "code", "word"),
+    [(KeyboardInterrupt, 130, "interrupted"), (command_line._Terminated, 143, "terminated")],
+)
+def test_a_stop_that_comes_while_a_class_is_made_is_told_alike(
+    cause: type[BaseException], code: int, word: str, command, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Python 3.11 makes a RuntimeError of what comes in `__set_name__`."""
+
+    def stopped_there(*_: object, **__: object) -> None:
+        raise RuntimeError("Error calling __set_name__ on 'Column'") from cause()
+
+    monkeypatch.setattr(command_line, "app", stopped_there)
+    ended = command("--version")
+    assert (ended.code, ended.err) == (code, f"evenlight: {word}; nothing half-written is left\n")
+
+
+def test_another_error_that_has_a_cause_is_none_of_these(command, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object, **__: object) -> None:
+        raise RuntimeError("broken") from ValueError()
+
+    monkeypatch.setattr(command_line, "app", broken)
+    with pytest.raises(RuntimeError, match="broken"):
+        command("--version")
+
+
 def test_what_a_signal_does_is_as_before_when_the_command_has_ended(command) -> None:
     before = signal.getsignal(signal.SIGTERM)
     assert command("--version").code == 0
