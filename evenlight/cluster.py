@@ -112,8 +112,15 @@ class Workers:
     wanted: int = 0  # processes of this computer that there are to be; 0 of another cluster
 
     def places(self) -> int:
-        """Return how many tasks run at the same time, at least 1."""
-        threads: dict[str, int] = self.client.nthreads()
+        """Return how many tasks run at the same time, at least 1.
+
+        Raises
+        ------
+        SchedulerLostError
+            If the scheduler has gone.
+        """
+        with _asking_the_scheduler():
+            threads: dict[str, int] = self.client.nthreads()
         return max(1, sum(threads.values()))
 
     def submit(self, function: Callable[..., Any], *given: Any) -> Future:
@@ -177,6 +184,15 @@ class Workers:
         return result_of(future)
 
 
+@contextmanager
+def _asking_the_scheduler() -> Iterator[None]:
+    """Raise `SchedulerLostError` where a question of Dask's client finds the line closed, or nobody there."""
+    try:
+        yield
+    except OSError:  # CommClosedError is one
+        raise SchedulerLostError(GONE) from None
+
+
 def result_of(future: Future) -> Any:
     """Return the result of a task that is done.
 
@@ -229,9 +245,10 @@ def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
         client = stack.enter_context(_connected(name, distributed, stack))
         stack.enter_context(client.as_current())
         workers = Workers(client, wanted=len(client.cluster.workers) if _is_local(name) else 0)
-        _require_same_software(workers, name)
-        if not quiet:
+        with _asking_the_scheduler():
+            _require_same_software(workers, name)
             count = len(client.nthreads())
+        if not quiet:
             noun = "worker" if count == 1 else "workers"
             print(f"evenlight: {count} {noun}; Dask's dashboard: {client.dashboard_link}", file=sys.stderr)
         yield workers

@@ -5,11 +5,15 @@ import random
 import signal
 import threading
 import time
+from types import SimpleNamespace
 
 import pytest
 from catalogues import cluster_here, written_at
+from distributed.comm.core import CommClosedError
 from killed_workers import Killings, check, killable_cluster, many_clips
 from warm_evenlight import Run
+
+from evenlight.cluster import SchedulerLostError, Workers
 
 CLIPS, KILLS = 8, 3  # `python tests/companions/killed_workers.py 40 20` for more
 
@@ -58,6 +62,15 @@ def test_a_catalogue_whose_client_was_killed_goes_on(command, cluster, tmp_path)
     assert check(out, [f"{k:02d}" for k in range(6)]) == []
     assert {name: when for name, when in written_at(out).items() if name in before} == before
     assert not list(out.glob(".partial-*"))
+
+
+@pytest.mark.parametrize("closed", [CommClosedError("in ConnectionPool.ncores"), OSError("Timed out trying")])
+def test_a_scheduler_that_goes_while_it_is_asked_for_its_workers_is_told_so(closed):
+    def nthreads() -> None:
+        raise closed
+
+    with pytest.raises(SchedulerLostError, match="the scheduler of the workers has gone"):
+        Workers(SimpleNamespace(nthreads=nthreads), expected={}).places()
 
 
 def test_a_scheduler_that_goes_is_told_in_one_line(command, cluster, tmp_path):
