@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import asked, expert, output, words_and_files
+from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def analyze(
         float, expert(help="Search: times that are longer by less than this share count as no slowing.")
     ] = 0.25,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Compute the statistics of a data set, with figures and a report: every task that it holds."""
     from evenlight.analysis.dataset_findings import AnalysisOptions

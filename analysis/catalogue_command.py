@@ -10,8 +10,7 @@ import typer
 
 from evenlight.analysis.tracks.track_request import TrackRequest, WantedOfAll
 from evenlight.cluster import LOCAL, cluster_option
-from evenlight.option_panels import output, with_options
-from evenlight.stimuli.dimming_options import QuietOption
+from evenlight.option_panels import QuietOption, output, with_options
 
 FAILED = 1  # exit code where a video failed
 

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import expert
+from evenlight.option_panels import QuietOption, expert
 
 DATASET = "dataset"
 
@@ -20,7 +20,7 @@ def demo(
         float, typer.Option(help="Mean brightness factor of the track, 0.2 to 1 (full brightness).")
     ] = 0.4,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """See the whole loop, small: simulated calibration, rate limit, a track, a report."""
     from evenlight.analysis.tracks.closed_loop import close_loop

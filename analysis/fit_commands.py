@@ -11,7 +11,7 @@ import typer
 
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
-from evenlight.option_panels import expert, output, viewing
+from evenlight.option_panels import QuietOption, expert, output, viewing
 from evenlight.progress import shown_progress
 
 curve_option = functools.partial(typer.Option, rich_help_panel="The curve of the rate limit")
@@ -70,7 +70,7 @@ def fit(
     power_model: Annotated[
         str | None, viewing(help="For measured power: a power model whose prediction is shown beside it.")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Turn answers into thresholds and a rate limit, and sweeps into models of a display and its power.
 

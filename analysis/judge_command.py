@@ -9,13 +9,12 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.measures import MEASURES
-from evenlight.option_panels import asked, expert, output, words_and_files
+from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
 from evenlight.stimuli.dimming_options import (
     DisplayOption,
     FpsOption,
     JobsOption,
     NoCacheOption,
-    QuietOption,
     TrackArgument,
     VideoArgument,
     names_in,

@@ -11,7 +11,7 @@ import typer
 
 from evenlight.experiments import run_command
 from evenlight.experiments.playback.play_options import FilmOptions, PowerOptions
-from evenlight.option_panels import asked, expert, instruments, output, with_options
+from evenlight.option_panels import QuietOption, asked, expert, instruments, output, with_options
 
 A_DAY = 86_400.0  # [s]
 
@@ -77,7 +77,7 @@ def saving(
             "start each film yourself, and press Enter.",
         ),
     ] = "",
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print only the closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure what a dimmed film saves on the device that plays it: both versions in turn, by its battery."""
     from evenlight.analysis.played_power.device_saving import device_saving, write_saving

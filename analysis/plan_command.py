@@ -16,7 +16,7 @@ from evenlight.analysis.wording import percent, sentence
 from evenlight.cluster import ClusterOption, opened_map
 from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import asked, computation, expert, output, words_and_files
+from evenlight.option_panels import QuietOption, asked, computation, expert, output, words_and_files
 from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def plan(
         ),
     ] = False,
     cluster: ClusterOption = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no table.")] = False,
+    quiet: QuietOption = False,
     **options: Any,
 ) -> None:
     """Plan an experiment: how many participants and trials does it need? Found by simulation."""

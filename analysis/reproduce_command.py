@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from evenlight.cluster import ClusterOption, opened_map
-from evenlight.option_panels import asked, computation, expert, output
+from evenlight.option_panels import QuietOption, asked, computation, expert, output
 from evenlight.progress import shown_progress
 
 REPORT = "report.html"
@@ -29,7 +29,7 @@ def reproduce(
         bool, computation("--quick", help="Small pictures and few frames, to see that it runs.")
     ] = False,
     cluster: ClusterOption = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Make every table and figure of the paper, from simulated or recorded data, beside its own."""
     from evenlight.analysis.earlier_results import earlier_files, files_in, remove_stale

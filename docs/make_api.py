@@ -168,7 +168,7 @@ def _hidden(command: Any, words: tuple[str, ...]) -> list[tuple[str, tuple[str, 
         return [part for name, one in command.commands.items() for part in _hidden(one, (*words, name))]
     found = []
     for one in command.params:
-        if getattr(one, "hidden", False):
+        if getattr(one, "hidden", False) and one.name != "quiet":  # which the page tells of in words
             told = one.show_default if isinstance(one.show_default, str) else one.default
             default = getattr(told, "value", told)
             shown = f"`{default}`" if default not in (None, False) else ""

@@ -13,7 +13,7 @@ import typer
 from evenlight.cluster import ClusterOption
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
-from evenlight.option_panels import expert
+from evenlight.option_panels import QuietOption, expert
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 
@@ -41,7 +41,7 @@ def bench(
     ] = False,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
     cluster: ClusterOption = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure how fast and how exact Evenlight is on this computer. It needs a checkout."""
     require_seed(seed)

@@ -77,7 +77,8 @@ def start(
 
     Start with: evenlight demo --out demo
 
-    `evenlight COMMAND --help` explains a command, and ends with two examples.
+    `evenlight COMMAND --help` explains a command, and ends with two examples. With --quiet, commands
+    print only their results: no progress, no closing lines.
     """
     if version:
         import evenlight

@@ -1,7 +1,7 @@
 """Options of commands: panels in `--help`, words that a shell completes, records whose fields they are.
 
-A command declares an option with its panel, as `asked("--budget", help=...)`; `--quiet` and `--help` are in
-none. Nothing here is slow to import: a shell waits for the words.
+A command declares an option with its panel, as `asked("--budget", help=...)`; `--help` is in none. Nothing
+here is slow to import: a shell waits for the words.
 """
 
 from __future__ import annotations
@@ -23,6 +23,10 @@ computation = partial(typer.Option, rich_help_panel="Computation")
 instruments = partial(typer.Option, rich_help_panel="Instrument")
 output = partial(typer.Option, rich_help_panel="Output")
 expert = partial(typer.Option, hidden=True)  # in docs/requests.md, and a key of request.toml
+# Of all commands, so that the help of `evenlight` tells it once.
+QuietOption = Annotated[
+    bool, typer.Option("--quiet", hidden=True, help="Print no progress and no closing lines.")
+]
 
 Complete = Callable[[str], list[str]]
 PACKAGE = Path(__file__).parent

@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import QuietOption
 
 new = typer.Typer(invoke_without_command=True)
 
@@ -20,7 +21,7 @@ DISTANCES = {"laptop-lcd": 0.5, "phone-oled": 0.35}  # [m] at which these have t
 
 @new.callback()
 def begin(context: typer.Context) -> None:
-    """Write files that describe your display and rig, to fill in. All commands take --quiet."""
+    """Write files that describe your display and rig, to fill in."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -34,7 +35,7 @@ def rig(
     force: Annotated[
         bool, typer.Option("--force", help="Replace files that exist; never a measured display.")
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a rig (screen, keys, instruments) and its display: toml files with a comment on every key."""
     from evenlight.data_schema.mapping import mapping_from_record

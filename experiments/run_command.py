@@ -16,7 +16,7 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import asked, expert, output, words_and_files
+from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
 
 if TYPE_CHECKING:
     from evenlight.experiments.run_session import SessionOutcome, SessionRequest
@@ -101,7 +101,7 @@ def run(
             "--old-calibration-ok", help="Accept a display that was measured longer ago than the rig allows."
         ),
     ] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing line.")] = False,
+    quiet: QuietOption = False,
 ) -> Path | None:
     """Run a session with a participant, measure a display by a sweep, or rehearse either."""
     # It returns the folder of a complete sweep, for `analysis.measuring_commands`; the docstring is its help.

@@ -10,7 +10,7 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import asked, expert, output, words_and_files
+from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
 from evenlight.progress import shown_progress
 
 MAX_PARTICIPANTS = 9999
@@ -45,7 +45,7 @@ def simulate(
     stimuli: Annotated[
         Path | None, asked(help="rating, comparison, search: folder with a track for each sequence.")
     ] = None,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing line.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Let many simulated participants answer an experiment, without a window: a data set to try things on."""
     from evenlight.data_schema.recordings.session import TASKS

@@ -16,11 +16,10 @@ from evenlight.data_schema.errors import InputError
 from evenlight.hardware.driver import Driver
 from evenlight.hardware.driver_table import TRIGGERS
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver_of, known_drivers
-from evenlight.option_panels import expert
+from evenlight.option_panels import QuietOption, expert
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 measure = typer.Typer(invoke_without_command=True)
-QUIET = typer.Option("--quiet", help="Print only the closing line.")
 INSTRUMENT = typer.Option(
     help="The instrument; `evenlight measure list` shows them. `simulated` needs no device."
 )
@@ -44,14 +43,14 @@ PROGRAMS = {
 
 @measure.callback()
 def start(context: typer.Context) -> None:
-    """Measure with luminance meters, power meters and headsets. All commands take --quiet."""
+    """Measure with luminance meters, power meters and headsets."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
 
 @measure.command("list")
 def list_instruments(
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print only the names of the drivers.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """List the drivers, what is plugged in, and what is not installed. Nothing is opened."""
     for line in driver_names() if quiet else list_lines(connected_ports()):
@@ -70,7 +69,7 @@ def luminance(
         ),
     ] = 0.0,
     out: Annotated[Path | None, OUT] = None,
-    quiet: Annotated[bool, QUIET] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Read a luminance meter: each reading, their mean and their standard deviation, in cd/m²."""
     from evenlight.hardware.measuring import measure_luminance
@@ -92,7 +91,7 @@ def power(
         ),
     ] = None,
     out: Annotated[Path | None, OUT] = None,
-    quiet: Annotated[bool, QUIET] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Measure the mean power, in watts, and count samples that were lost or came twice."""
     from evenlight.hardware.measuring import measure_power
@@ -108,7 +107,7 @@ def zero(
     yes: Annotated[
         bool, typer.Option("--yes", help="The sensor is covered, or the panel unplugged: do not ask.")
     ] = False,
-    quiet: Annotated[bool, QUIET] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Set the zero of a meter. It asks you to cover its sensor, or to unplug the panel, first."""
     from evenlight.hardware.measuring import measure_zero
@@ -122,7 +121,7 @@ def headset(
     frames: Annotated[
         int, typer.Option(metavar="N", help="How many frames to time.", min=2, max=100_000)
     ] = 100,
-    quiet: Annotated[bool, QUIET] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Ask the OpenXR runtime about its headset, time its frames, and print the lines for a rig's file."""
     from evenlight.hardware.headset_facts import measure_headset
@@ -143,7 +142,7 @@ def conform(
         str | None,
         typer.Option(metavar="KIND", help="luminance, power or backlight, if several have this name."),
     ] = None,
-    quiet: Annotated[bool, QUIET] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Test what every driver promises, on an instrument; ends with 1 if one is broken.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import asked, expert, output
+from evenlight.option_panels import QuietOption, asked, expert, output
 from evenlight.progress import shown_progress
 from evenlight.stimuli.dimmed.apply_options import AppliedVersion, Codec, DimmedFile
 
@@ -46,7 +46,7 @@ def apply(
         bool, expert("--other-video-ok", help="Accept another video that has the same frame times.")
     ] = False,
     force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write the dimmed video to a file, with its sound, subtitles, frame times and tags."""
     from evenlight.data_schema.storage.whole_files import require_free

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import asked, output, viewing
+from evenlight.option_panels import QuietOption, asked, output, viewing
 from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ def render(
         str | None, viewing(help="Display to render it for, pixel for pixel: a preset or a toml file.")
     ] = None,
     force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no progress.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Make a video file of a built-in sequence, or of a walk through a scene: lossless, 10 bits (FFV1)."""
     from evenlight.data_schema.storage.whole_files import require_free

@@ -82,7 +82,6 @@ JobsOption = Annotated[
 NoCacheOption = Annotated[
     bool, expert("--no-cache", help="Neither use nor keep loss curves and pictures in the user's cache.")
 ]
-QuietOption = Annotated[bool, typer.Option("--quiet", help="Print no progress and no closing lines.")]
 power_model_option = viewing(
     help="How much power the display takes at each brightness: a preset, or a toml file that `evenlight fit` "
     "wrote for a power sweep."

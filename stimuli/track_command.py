@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import expert
+from evenlight.option_panels import QuietOption, expert
 from evenlight.stimuli.dimmed.apply_options import DimmedVersion
 
 track = typer.Typer(invoke_without_command=True)
@@ -32,7 +32,7 @@ USES = {
 
 @track.callback()
 def start(context: typer.Context) -> None:
-    """Hand a track on to other programs. All commands take --quiet."""
+    """Hand a track on to other programs."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -52,7 +52,7 @@ def export(
         expert(help="Display of an older track, which does not name it itself: a preset or a toml file."),
     ] = None,
     force: Annotated[bool, typer.Option("--force", help="Replace the file if it exists.")] = False,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing line.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Write a track for another program: FFmpeg, mpv, or anything that reads JSON."""
     from evenlight.data_schema.storage.whole_files import require_free

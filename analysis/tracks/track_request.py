@@ -26,13 +26,12 @@ from evenlight.method.choices import (
     SolverName,
 )
 from evenlight.method.contrast.measures import MEASURES, ROBUST, measures_named
-from evenlight.option_panels import asked, expert, output
+from evenlight.option_panels import QuietOption, asked, expert, output
 from evenlight.stimuli.dimming_options import (
     File,
     JobsOption,
     Member,
     Names,
-    QuietOption,
     VideoArgument,
     Videos,
     device_option,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
+from evenlight.option_panels import QuietOption
 
 if TYPE_CHECKING:
     from evenlight.data_schema.checking.file_checks import CheckedFile
@@ -24,7 +25,7 @@ def validate_command(
 
     def validate(
         path: Annotated[Path, typer.Argument(help="A data set, a folder of results, or a single file.")],
-        quiet: Annotated[bool, typer.Option("--quiet", help="Print only the problems.")] = False,
+        quiet: QuietOption = False,
     ) -> None:
         """Check data sets, results, rigs and displays for mistakes. It ends with 1 if there are any."""
         _validate(path, quiet, problems_of)

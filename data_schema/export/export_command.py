@@ -8,6 +8,8 @@ from typing import Annotated
 
 import typer
 
+from evenlight.option_panels import QuietOption
+
 
 class DatasetStandard(enum.Enum):
     """A standard for data sets."""
@@ -22,7 +24,7 @@ def export(
     to: Annotated[
         DatasetStandard, typer.Option(help="Which layout. Evenlight reads both back.")
     ] = DatasetStandard.PSYCH_DS,
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing line.")] = False,
+    quiet: QuietOption = False,
 ) -> None:
     """Check a data set, and write it in a standard layout (Psych-DS, BIDS) to share it."""
     from evenlight.data_schema.export.exporting import export_bids, export_psych_ds

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from evenlight.option_panels import asked, output
+from evenlight.option_panels import QuietOption, asked, output
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
@@ -79,7 +79,7 @@ def import_command(load_display: Callable[[str], Display]) -> Callable[..., None
         simulated: Annotated[
             bool, asked("--simulated", help="The answers are those of simulated observers.")
         ] = False,
-        quiet: Annotated[bool, typer.Option("--quiet", help="Print no closing lines.")] = False,
+        quiet: QuietOption = False,
     ) -> None:
         """Make a data set of another program's table of trials; what it does not tell stays unknown."""
         from evenlight.data_schema.importing.import_dataset import import_dataset

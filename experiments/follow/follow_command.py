@@ -11,7 +11,7 @@ import typer
 
 from evenlight.experiments.playback.play_options import interrupted
 from evenlight.method.choices import LimitCurve
-from evenlight.option_panels import expert, limits, with_options, words_and_files
+from evenlight.option_panels import QuietOption, expert, limits, with_options, words_and_files
 
 light_option = functools.partial(typer.Option, rich_help_panel="Backlight")
 player_option = functools.partial(typer.Option, rich_help_panel="Player")
@@ -74,7 +74,7 @@ class FollowOptions:
         bool, light_option("--dry-run", help="Print what would be set, and touch no backlight.")
     ] = False
     log: Annotated[Path | None, expert(help="Table (.csv) of every setting and its delay.")] = None
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is done.")] = False
+    quiet: QuietOption = False
 
 
 def follow(options: FollowOptions) -> None:

@@ -16,7 +16,7 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import Device
-from evenlight.option_panels import asked, expert, output, viewing
+from evenlight.option_panels import QuietOption, asked, expert, output, viewing
 from evenlight.stimuli.dimming_options import (
     AimOptions,
     Member,
@@ -71,7 +71,7 @@ class ScreenOptions(OnDisplay):
     simulate: Annotated[
         bool, expert("--simulate", help="Rehearse, as fast as it goes: the clock counts the refreshes.")
     ] = False
-    quiet: Annotated[bool, typer.Option("--quiet", help="Print nothing about what is shown.")] = False
+    quiet: QuietOption = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -91,11 +91,21 @@ def test_no_page_shows_types_of_programmers(words: tuple[str, ...]) -> None:
             assert re.search(rf"^  {(one.metavar or one.name).upper()}(\.\.\.)?(  |$)", page, re.MULTILINE)
 
 
+def test_what_all_commands_take_is_told_once_and_the_others_are_few() -> None:
+    """But `watch`, which is nothing without its lines."""
+    commands = {words: one for words, one in ALL.items() if not isinstance(one, TyperGroup)}
+    assert [words for words, one in commands.items() if "quiet" not in {p.name for p in one.params}] == [
+        ("watch",)
+    ]
+    assert [words for words in ALL if "--quiet" in page_of(words).partition("\nExamples:\n")[0]] == [()]
+    assert sum(not getattr(p, "hidden", False) for one in commands.values() for p in one.params) <= 230
+
+
 def test_many_options_are_shown_in_panels(words: tuple[str, ...]) -> None:
     options = [one for one in ALL[words].params if isinstance(one, TyperOption) and not one.hidden]
     if len(options) > MANY:
         assert len({one.rich_help_panel for one in options}) > 2
-        assert {one.name for one in options if one.rich_help_panel is None} <= {"quiet", "help"}
+        assert {one.name for one in options if one.rich_help_panel is None} <= {"help"}
 
 
 def test_a_page_ends_with_two_examples_that_can_be_copied(

@@ -66,8 +66,6 @@ def test_without_a_word_more_it_shows_its_help(command: Any) -> None:
     shown = command("measure")
     assert (shown.code, shown.err) == (0, "")
     assert "luminance" in shown.out
-    for name in ("list", "luminance", "power", "zero"):
-        assert "--quiet" in command("measure", name, "--help").out
 
 
 def test_readings_are_shown_kept_and_summed_up(command: Any, tmp_path: Path) -> None:
