@@ -46,14 +46,14 @@ def analyze(
     """Compute the statistics of a data set, with figures and a report: every task that it holds."""
     from evenlight.analysis.dataset_findings import AnalysisOptions
     from evenlight.analysis.earlier_results import earlier_files, remove_stale
-    from evenlight.data_schema.errors import InputError
+    from evenlight.data_schema.errors import ArgumentError
     from evenlight.data_schema.recordings.dataset_layout import require_apart
     from evenlight.data_schema.recordings.session import TASKS
     from evenlight.data_schema.storage.whole_files import results_folder
 
     for name in task or ():
         if name not in TASKS:
-            raise InputError(f"task must be one of {', '.join(TASKS)}, got {name!r}")
+            raise ArgumentError("task", f"must be one of {', '.join(TASKS)}, got {name!r}")
     require_apart(out, dataset)
     options = AnalysisOptions(
         seed=seed,

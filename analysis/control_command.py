@@ -12,7 +12,7 @@ from evenlight.analysis.tracks.control_request import Steered
 from evenlight.analysis.tracks.dimming_options import DimmedOn, path_of
 from evenlight.analysis.tracks.track_request import Analysed, OneVideo, closing_words
 from evenlight.analysis.wording import percent
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError
 from evenlight.method.choices import AnalysisEffort
 from evenlight.option_panels import with_options
 
@@ -54,7 +54,7 @@ def _job(asked: ControlledOptions, on: DimmedOn) -> ControlJob:
     asked.check_analysis()
     settings = asked.settings(on.min_factor)
     if asked.budget is None and asked.horizon is not None:  # a loop in Python judges its gain over it
-        raise InputError("`horizon` is for `budget`, which is not given")
+        raise ArgumentError("horizon", "is for `budget`, which is not given")
     display, request = asked.posed(on, asked.curves)
     effort = AnalysisEffort()
     if asked.curves is None:

@@ -16,7 +16,7 @@ from evenlight.analysis.report_sections import files_section, provenance_section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import TaskData, load_task, undamaged_roll
 from evenlight.analysis.wording import listed
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.provenance import Provenance, require_seed
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.assumed_effect import assumed_effects_in
@@ -60,9 +60,9 @@ class AnalysisOptions:
     def __post_init__(self) -> None:
         require_seed(self.seed)
         if not 0 < self.slowing <= 9:
-            raise InputError(f"slowing must lie above 0 and not above 9, got {self.slowing:g}")
+            raise ArgumentError("slowing", f"must lie above 0 and not above 9, got {self.slowing:g}")
         if not 0 < self.margin < 0.5:
-            raise InputError(f"margin must lie between 0 and 0.5, got {self.margin:g}")
+            raise ArgumentError("margin", f"must lie between 0 and 0.5, got {self.margin:g}")
 
 
 FindingsOf = Callable[[TaskData[Any], AnalysisOptions], Analysis]

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError
 from evenlight.option_panels import QuietOption, expert
 
 DATASET = "dataset"
@@ -29,7 +29,7 @@ def demo(
     from evenlight.stimuli.sequences import built_in_sequence
 
     if not 0.2 <= budget <= 1:
-        raise InputError(f"budget must lie between 0.2 and 1, got {budget:g}")
+        raise ArgumentError("budget", f"must lie between 0.2 and 1, got {budget:g}")
     require_sealed(out / DATASET, "demo")
     with results_folder(out, replacing=(DATASET,)) as folder:
         simulate("ramp", folder / DATASET, participants, seed, quiet=True)

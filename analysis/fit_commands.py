@@ -85,7 +85,7 @@ def fit(
     from evenlight.analysis.sweeps.sweep_loading import newest_sweeps
     from evenlight.analysis.sweeps.sweep_report import write_chosen_sweeps
     from evenlight.analysis.sweeps.sweep_result import SweepResult
-    from evenlight.data_schema.errors import InputError
+    from evenlight.data_schema.errors import ArgumentError
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.data_schema.recordings.dataset_layout import POWER_LOG, require_apart
     from evenlight.data_schema.storage.whole_files import results_folder
@@ -101,7 +101,7 @@ def fit(
             typer.echo("\n".join(said))
         return
     if power_model is not None:
-        raise InputError("`power_model` is for a folder of measured power (`evenlight measure played`)")
+        raise ArgumentError("power_model", "is for a folder of measured power (`evenlight measure played`)")
     options = RateLimitOptions(
         form=form,
         degree=degree,

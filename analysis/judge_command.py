@@ -7,7 +7,6 @@ from typing import Annotated
 
 import typer
 
-from evenlight.data_schema.errors import InputError
 from evenlight.method.contrast.measures import MEASURES
 from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
 from evenlight.stimuli.dimming_options import (
@@ -54,7 +53,7 @@ def judge(
     names = tuple(dict.fromkeys(MEASURES if measures is None else names_in(measures)))
     for name in names:
         if name not in MEASURES:
-            raise InputError(must_be_one_of("measures", name, MEASURES))
+            raise must_be_one_of("measures", name, MEASURES)
     loaded = load_track(track)
     found = judge_track(
         open_video(video, fps),

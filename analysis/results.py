@@ -16,7 +16,6 @@ from evenlight.analysis.integrity.concern import Concern
 from evenlight.analysis.report import KeyFigure, Picture, Section
 from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
 from evenlight.data_schema.arguments import must_be_one_of, path
-from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.whole_files import results_folder, write_whole
@@ -108,7 +107,7 @@ class Result(ABC):
         if name is None:
             return figures
         if not isinstance(name, str) or name not in figures:
-            raise InputError(must_be_one_of("name", name, figures))
+            raise must_be_one_of("name", name, figures)
         return figures[name]
 
     def save(self, folder: str | PathLike[str]) -> None:

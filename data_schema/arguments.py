@@ -10,7 +10,7 @@ from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, shown_kind
 from evenlight.data_schema.quantities import require_computable
 
 if TYPE_CHECKING:
@@ -24,18 +24,18 @@ def choice(name: str, value: Any, of: type[Choice]) -> Choice:
     try:
         return of(value)
     except ValueError:
-        raise InputError(must_be_one_of(name, value, [member.value for member in of])) from None
+        raise must_be_one_of(name, value, [member.value for member in of]) from None
 
 
-def must_be_one_of(name: str, value: Any, known: Iterable[object]) -> str:
-    """Return what is said of an argument that is none of some words."""
-    return f"{name} must be one of {', '.join(map(str, known)) or 'none'}, got {value!r}"
+def must_be_one_of(name: str, value: Any, known: Iterable[object]) -> ArgumentError:
+    """Return the error of an argument that is none of some words."""
+    return ArgumentError(name, f"must be one of {', '.join(map(str, known)) or 'none'}, got {value!r}")
 
 
 def text(name: str, value: Any) -> str:
     """Return the text that an argument holds."""
     if not isinstance(value, str):
-        raise InputError(f"{name} must be a text, got {value!r}")
+        raise ArgumentError(name, f"must be a text, got {value!r}")
     return value
 
 
@@ -44,30 +44,30 @@ def real(name: str, value: Any) -> float:
     if isinstance(value, int):
         require_computable(name, value)
     if isinstance(value, bool) or not isinstance(value, Real):
-        raise InputError(f"{name} must be a number, got {value!r}")
+        raise ArgumentError(name, f"must be a number, got {value!r}")
     return float(value)
 
 
 def number(name: str, value: Any, low: float = -math.inf, high: float = math.inf) -> float:
     """Return the number that an argument holds, if it lies within its limits."""
     if math.isnan(real(name, value)):
-        raise InputError(f"{name} must be a number, got {value!r}")
+        raise ArgumentError(name, f"must be a number, got {value!r}")
     if not low <= float(value) <= high:
-        raise InputError(f"{name} must lie in {low:g} to {high:g}, got {float(value):.15g}")
+        raise ArgumentError(name, f"must lie in {low:g} to {high:g}, got {float(value):.15g}")
     return float(value)
 
 
 def positive(name: str, value: Any) -> float:
     """Return the number that an argument holds, if it is finite and above 0."""
     if not 0 < number(name, value) < math.inf:
-        raise InputError(f"{name} must be above 0, got {value!r}")
+        raise ArgumentError(name, f"must be above 0, got {value!r}")
     return float(value)
 
 
 def whole(name: str, value: Any) -> int:
     """Return the whole number that an argument holds, if it is not below 0."""
     if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
-        raise InputError(f"{name} must be a whole number from 0 on, got {value!r}")
+        raise ArgumentError(name, f"must be a whole number from 0 on, got {value!r}")
     require_computable(name, int(value))
     return int(value)
 
@@ -75,14 +75,14 @@ def whole(name: str, value: Any) -> int:
 def flag(name: str, value: Any) -> bool:
     """Return the flag that an argument holds."""
     if not isinstance(value, bool):
-        raise InputError(f"{name} must be true or false, got {value!r}")
+        raise ArgumentError(name, f"must be true or false, got {value!r}")
     return value
 
 
 def path(name: str, value: Any) -> Path:
     """Return the path that an argument holds."""
     if not isinstance(value, str | PathLike):
-        raise InputError(f"{name} must be a path, got a {type(value).__name__}")
+        raise ArgumentError(name, f"must be a path, got {shown_kind(value)}")
     return Path(value)
 
 
@@ -93,4 +93,4 @@ def numbers(name: str, value: Any) -> NDArray[Any]:
     try:
         return np.asarray(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
-        raise InputError(f"{name} must be numbers, got {value!r}") from None
+        raise ArgumentError(name, f"must be numbers, got {value!r}") from None

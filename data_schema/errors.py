@@ -10,6 +10,17 @@ class InputError(ValueError):
     """
 
 
+class ArgumentError(InputError):
+    """What is wrong with an argument: an option, on the command line; a key, in the file of a request."""
+
+    def __init__(self, argument: str, problem: str) -> None:
+        super().__init__(argument, problem)  # both, as workers of a cluster send it
+        self.argument, self.problem = argument, problem
+
+    def __str__(self) -> str:
+        return f"{self.argument} {self.problem}"
+
+
 class FieldError(InputError):
     """A field of a record that cannot be so: a program reads the argument's name, a file's reader the key."""
 
@@ -23,6 +34,16 @@ class FieldError(InputError):
 def told_of_file(error: Exception) -> str:
     """Return what is wrong with a record that a file holds: its fields by the keys of the file."""
     return str(error.args[1] if isinstance(error, FieldError) else error)
+
+
+def shown_kind(value: object) -> str:
+    """Return what an object of Python is, where it is not the kind that is expected.
+
+    >>> shown_kind(3), shown_kind("a")
+    ('an int', 'a str')
+    """
+    name = type(value).__name__
+    return f"{'an' if name.lower().startswith(('a', 'e', 'i', 'o', 'nd')) else 'a'} {name}"
 
 
 def shown(value: object) -> str:

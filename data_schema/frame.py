@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arguments import number
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 
 PIXEL_TYPES = ("uint8", "uint16", "float32", "float64")
 
@@ -121,7 +121,7 @@ class Frame:
 
 def _check(pixels: NDArray[Any], time: float) -> None:
     if not isinstance(pixels, np.ndarray):
-        raise InputError(f"pixel_values must be an array, got a {type(pixels).__name__}")
+        raise ArgumentError("pixel_values", f"must be an array, got {shown_kind(pixels)}")
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype.name not in PIXEL_TYPES:
         raise InputError(
             f"the frame at {time:g} s needs pixel values of shape (height, width, 3), "

@@ -152,7 +152,7 @@ def unknown_key(key: object, known: Iterable[str]) -> str:
     "unknown key 'gama'; did you mean 'gamma'?"
     """
     known = list(known)
-    hint = difflib.get_close_matches(str(key), known, n=1)
+    hint = difflib.get_close_matches(str(key), known, n=1, cutoff=0.7)
     guess = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(known)}"
     return f"unknown key {shown(key)}; {guess}"
 

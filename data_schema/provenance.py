@@ -6,7 +6,7 @@ import hashlib
 from functools import cache
 from pathlib import Path
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.quantities import count, described, record
 from evenlight.data_schema.storage.input_files import open_input
 
@@ -130,4 +130,4 @@ def require_seed(seed: int) -> None:
     >>> require_seed(0)
     """
     if seed < 0:
-        raise InputError(f"seed must be 0 or more, got {seed}")
+        raise ArgumentError("seed", f"must be 0 or more, got {seed}")

@@ -14,7 +14,7 @@ import typing
 from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeVar, dataclass_transform
 
-from evenlight.data_schema.errors import FieldError, InputError, shown
+from evenlight.data_schema.errors import ArgumentError, FieldError, InputError, shown
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -312,10 +312,10 @@ def choice(kind: type[enum.Enum], value: Any, where: str) -> enum.Enum:
 def require_computable(where: str, value: object) -> None:
     """Raise `InputError` for NaN, infinity, and whole numbers that no array can hold."""
     if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(f"{where} must be a finite number, got {value:g}")
+        raise ArgumentError(where, f"must be a finite number, got {value:g}")
     if isinstance(value, int) and abs(value) >= LARGEST_WHOLE:
         got = f"one near 10^{math.log10(abs(value)):.0f}"
-        raise InputError(f"{where} must be a whole number below 2^63, got {got}")
+        raise ArgumentError(where, f"must be a whole number below 2^63, got {got}")
 
 
 def check_value(field: dataclasses.Field[Any], value: Any) -> None:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from evenlight.data_schema.arguments import numbers
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import Array, described, quantity, record, share
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
@@ -213,7 +213,7 @@ class RateLimit:
 
         values = numbers("luminance", luminance)
         if (values < 0).any():
-            raise InputError(f"luminance must be at least 0 cd/m^2, got {values.min():g}")
+            raise ArgumentError("luminance", f"must be at least 0 cd/m^2, got {values.min():g}")
         low, high = self.luminance_range
         held = np.minimum(values, low) / low
         inside = np.clip(values, low, high)

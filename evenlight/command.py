@@ -123,7 +123,7 @@ class _Command(HelpfulCommand):
         try:
             return super().invoke(ctx)
         except InputError as error:
-            raise InputError(told_as_given(str(error), ctx)) from error
+            raise InputError(told_as_given(error, ctx)) from error
 
 
 # The groups of `evenlight --help`, in the order of `help_pages.GROUPS`; what is used most comes first.

@@ -12,7 +12,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import InputError, shown_kind
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS, TaskRecords
 from evenlight.data_schema.recordings.viewing import ClipLog
 
@@ -111,7 +111,7 @@ def register_task(task: TaskDeclaration) -> None:
         The task.
     """
     if not isinstance(task, TaskDeclaration):
-        raise InputError(f"expected a TaskDeclaration, got a {type(task).__name__}")
+        raise InputError(f"expected a TaskDeclaration, got {shown_kind(task)}")
     from evenlight.analysis.dataset_findings import ANALYSES, TaskAnalysis
     from evenlight.experiments.experiment_kinds import EXPERIMENTS, Experiment
 

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 
 import typer
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.option_panels import GONE, RIGHT_NAMES
 
 if TYPE_CHECKING:
@@ -197,36 +197,46 @@ def _value_of(key: str, told: Any, option: Any, kinds: Mapping[str, Any]) -> Any
     return value
 
 
-def told_as_given(words: str, context: typer.Context) -> str:
+def told_as_given(error: InputError, context: typer.Context) -> str:
     """Return what is wrong with the arguments of a command, as who gave them knows them.
 
-    A message names an argument as Python does, in backticks or as "calm must ...": on the command line it is
-    an option, in the file of `--request` a key.
+    What a message names in backticks is an option on the command line. What it is about is one, too, or a key
+    of the file of `--request` if it stands there.
     """
-    options = _options_by_key(context.command)
-    file = context.params.get("request")
+    options, file = _options_by_key(context.command), context.params.get("request")
+    about = options.get(error.argument) if isinstance(error, ArgumentError) else None
+    of_file = about is not None and _is_of_file(about, context)
 
     def named(found: re.Match[str]) -> str:
-        option = options.get(found[1] or found[2])
+        option = options.get(found[1])
         if option is None:
             return found[0]
-        if option.param_type_name == "argument" or _is_of_file(option, context):
-            return str(option.name)
-        return next((flag for flag in option.opts if flag.startswith("--")), found[0])
+        return str(option.name) if of_file and _is_of_file(option, context) else _option_of(option)
 
-    told = re.sub(r"^([a-z_]+)(?= must )|`([a-z_]+)`", named, words)
+    problem = error.problem if isinstance(error, ArgumentError) and about is not None else str(error)
+    told = re.sub(r"`([a-z_]+)`", named, problem)
+    if about is not None:
+        told = f"{about.name if of_file else _option_of(about)} {told}"
     if file is None:
         return told
-    first = options.get(told.partition(" ")[0])
-    if first is not None and _is_of_file(first, context):
-        return f"{_file_of(file)}: asked: {told}"
-    given = context.default_map or {}
-    values = [
-        value for one in options.values() if _is_of_file(one, context) for value in _listed(given[one.name])
-    ]
-    if any(isinstance(value, str) and repr(value) in words for value in values):
-        return f"{told} (asked in {_file_of(file)}; names in it are from the folder where its command ran)"
-    return told
+    asked = {one.name: one for one in options.values() if _is_of_file(one, context)}
+    values = [value for name in asked for value in _listed((context.default_map or {})[name])]
+    where, words = _file_of(file), str(error)
+    if of_file:
+        return f"{where}: asked: {told}"
+    if any(isinstance(one, str) and _is_missing(one, words) for one in values):
+        return f"{told} (asked in {where}; names in it are from the folder where its command ran)"
+    beside = [name for name in re.findall("`([a-z_]+)`", words) if name in asked]
+    return f"{told} ({', '.join(beside)}: as asked in {where})" if beside else told
+
+
+def _is_missing(value: str, words: str) -> bool:
+    return f"no video {value!r}" in words or f"{value}: no such" in words
+
+
+def _option_of(option: Any) -> str:
+    """Return an option as it is given; an argument by its name."""
+    return next((flag for flag in option.opts if flag.startswith("--")), str(option.name))
 
 
 def _listed(value: Any) -> list[Any]:

@@ -153,7 +153,7 @@ def analyze(
     """
     viewing = {name: records.trial for name, records in TASKS.items() if name != "ramp"}
     if task is not None and not (isinstance(task, str) and task in viewing):
-        raise InputError(must_be_one_of("task", task, viewing))
+        raise must_be_one_of("task", task, viewing)
     rows = _rows_of(table, ("participant_id", "sequence"))
     task = task or _task_of({key for row in rows for key in row})
     if task == "rating":

@@ -176,7 +176,7 @@ def _named(rig: str | None, key: str) -> str:
     name = str(getattr(loaded, key))
     if name == "none":
         raise InputError(
-            f"the rig {loaded.name!r} names no {key.replace('_', ' ')}: add `{key}` to it, or name one with "
+            f"the rig {loaded.name!r} names no {key.replace('_', ' ')}: set `{key}` in it, or name one with "
             "--instrument"
         )
     return name

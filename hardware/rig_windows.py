@@ -12,7 +12,7 @@ from evenlight.hardware.simulated.clocks import RefreshClock
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
-    from evenlight.hardware.presentation.headset_views import HeadsetFacts
+    from evenlight.hardware.presentation.headset_link import HeadsetFacts, HeadsetLink
     from evenlight.hardware.presentation.headset_window import HeadsetWindow
 
 SIMULATED_HEADSET = "simulated:openxr"
@@ -25,7 +25,7 @@ def open_window(
     refresh_clock: RefreshClock | None = None,
     *,
     rehearsal: bool = False,
-    headset: HeadsetWindow | None = None,
+    headset: HeadsetLink | None = None,
 ) -> Window:
     """Return the rig's window: on a screen, or in a headset.
 
@@ -37,8 +37,8 @@ def open_window(
         A clock that goes with the flips, for a rehearsal at full speed; else the computer's.
     rehearsal : bool, optional
         Whether any refresh rate will do, as where no one watches.
-    headset : HeadsetWindow, optional
-        The rig's headset, if it is open: it is the window.
+    headset : HeadsetLink, optional
+        The rig's headset, if it is open; the window closes it.
 
     Raises
     ------
@@ -48,13 +48,8 @@ def open_window(
         If the headset's runtime goes away.
     """
     if rig.in_headset:
-        in_headset = headset or open_headset(rig, waits=refresh_clock is None)
-        try:
-            in_headset.begin(rig.eye, refresh_clock)
-        except BaseException:
-            in_headset.close()
-            raise
-        return in_headset
+        link = headset or open_headset(rig, waits=refresh_clock is None)
+        return _window_in_headset(rig, link, refresh_clock)
     from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 
     window = PsychoPyWindow(rig, refresh_clock)
@@ -67,8 +62,18 @@ def open_window(
     return window
 
 
-def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetWindow:
-    """Return the rig's headset, open but for its first frame: at the OpenXR runtime, or a made-up one.
+def _window_in_headset(rig: Rig, link: HeadsetLink, refresh_clock: RefreshClock | None) -> HeadsetWindow:
+    from evenlight.hardware.presentation.headset_window import HeadsetWindow
+
+    try:
+        return HeadsetWindow(rig, link, refresh_clock)
+    except BaseException:
+        link.close()
+        raise
+
+
+def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetLink:
+    """Return the rig's headset: at the computer's OpenXR runtime, or a made-up one.
 
     Parameters
     ----------
@@ -89,9 +94,9 @@ def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetWindow:
         from evenlight.hardware.simulated.headset import EYE_SIZE, SimulatedHeadset
 
         return SimulatedHeadset(eye_size or EYE_SIZE, rig.refresh_rate, real_time=waits)
-    from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
+    from evenlight.hardware.presentation.openxr_link import OpenXRLink
 
-    return OpenXRHeadset(eye_size)
+    return OpenXRLink(eye_size)
 
 
 def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, Display]:
@@ -104,7 +109,7 @@ def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, 
     InputError
         If the headset has a refresh rate that no display has.
     """
-    from evenlight.hardware.presentation.headset_views import centre_pixels_per_degree
+    from evenlight.hardware.presentation.headset_link import centre_pixels_per_degree
 
     if not SLOWEST_DISPLAY <= facts.refresh_rate <= FASTEST_DISPLAY:
         raise InputError(

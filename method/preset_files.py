@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
@@ -25,7 +25,7 @@ Record = TypeVar("Record")
 
 
 def load_display(named: str | PathLike[str] | Display) -> Display:
-    """Return the display of a preset (`varjo-xr3`) or of a toml file; a display itself as it is.
+    """Return the display of a preset (`varjo-xr3`), a toml file or a folder of `fit`; a display as it is.
 
     Raises
     ------
@@ -68,12 +68,12 @@ def display_for(
 
 
 def load_power_model(named: str | PathLike[str] | PowerModel) -> PowerModel:
-    """Return the power model of a preset (`surace2025`) or of a toml file; errors as `load_display`."""
+    """Return the power model of a preset (`surace2025`), toml file or folder of `fit`, as `load_display`."""
     return _load(named, PowerModel, "power", "toml")
 
 
 def load_rate_limit(named: str | PathLike[str] | RateLimit) -> RateLimit:
-    """Return the rate limit of a preset (`surace2025`) or of a json file; errors as `load_display`."""
+    """Return the rate limit of a preset (`surace2025`), json file or folder of `fit`, as `load_display`."""
     return _load(named, RateLimit, "rate_limit", "json")
 
 
@@ -127,10 +127,12 @@ def _load(named: Any, cls: type[Record], kind: str, suffix: str) -> Record:
         return named
     words = "power model" if kind == "power" else kind.replace("_", " ")
     if not isinstance(named, str | PathLike):
-        argument, got = words.replace(" ", "_"), type(named).__name__
-        raise InputError(f"{argument} must be a preset's name, a path or a {cls.__name__}, got a {got}")
+        argument, got = words.replace(" ", "_"), shown_kind(named)
+        raise ArgumentError(argument, f"must be a preset's name, a path or a {cls.__name__}, got {got}")
     name, known = os.fspath(named), preset_names(kind)
     path = PRESETS / f"{name}.{kind}.{suffix}" if name in known else Path(name)
+    if path.is_dir() and (path / f"{kind}.{suffix}").is_file():
+        path /= f"{kind}.{suffix}"  # a folder of `evenlight fit`
     if not path.exists():
         hint = difflib.get_close_matches(name, known, n=1)
         guess = f"did you mean {hint[0]!r}? " if hint else ""

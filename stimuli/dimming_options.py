@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import LimitCurve
 from evenlight.option_panels import asked, computation, expert, limits, viewing
@@ -187,5 +187,5 @@ def names_in(given: Names) -> list[str]:
     """Return the names of measures, given as a list or in a text with commas between them."""
     items = given.split(",") if isinstance(given, str) else given
     if odd := [item for item in items if not isinstance(item, str)]:
-        raise InputError(f"measures must be names, got {odd[0]!r}")
+        raise ArgumentError("measures", f"must be names, got {odd[0]!r}")
     return [name for item in items if (name := item.strip())]

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from evenlight.data_schema.arguments import number
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 from evenlight.stimuli.checkerboard import Checkerboard
 from evenlight.stimuli.scenes.content.catalogue import is_scene_file
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
@@ -140,7 +140,7 @@ def open_video(name: str | PathLike[str], fps: float | None = None) -> VideoSour
     from evenlight.stimuli.video.video_file import open_video_file
 
     if not isinstance(name, str | PathLike):
-        raise InputError(f"video must be a path or a built-in sequence's name, got a {type(name).__name__}")
+        raise ArgumentError("video", f"must be a path or a built-in sequence's name, got {shown_kind(name)}")
     if fps is not None:
         number("fps", fps)
     name = local_name(fspath(name))

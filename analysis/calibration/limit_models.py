@@ -87,7 +87,9 @@ class LimitModels:
         """What has to be said first of the chosen curve: known too badly for use, or no curve at all."""
         words, notes = self.fit.limit.wide_band, []
         if words:
-            notes.append(f"the rate limit is not for use: {words} (unless accept_wide_band is asked for)")
+            notes.append(
+                f"the rate limit is not for use: {words} (`evenlight optimize --accept-wide-band` uses it)"
+            )
         if self.levels in FEW_LEVELS:
             notes.append(FEW_LEVELS[self.levels])
         if self.chosen is RateLimitModel.JOINT and 1 < _people(self.fit.used) < FEW_PEOPLE:

@@ -167,4 +167,4 @@ def _what_is_wrong(calibration: Calibration) -> tuple[KeyFigure, ...]:
 def _remedy(calibration: Calibration) -> str:
     """Return what keeps the curve from falling, which the joint model alone can."""
     joint = calibration.models.chosen is RateLimitModel.JOINT
-    return "a monotone curve" if joint else "a monotone curve of the joint model"
+    return "`evenlight fit --monotone`" if joint else "`evenlight fit --model joint --monotone`"

@@ -22,7 +22,7 @@ from evenlight.analysis.calibration.ramp_findings import calibration_drawings, f
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result, write_drawing
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimit
@@ -97,7 +97,7 @@ class RampFit(Result):
         import pandas as pd
 
         if not 0 < proportion < 1:
-            raise InputError(f"proportion must lie between 0 and 1, got {proportion}")
+            raise ArgumentError("proportion", f"must lie between 0 and 1, got {proportion}")
         rows = []
         for own in self.calibration.thresholds:
             level, function = mapping_from_record(own.threshold), own.fit.function

@@ -136,6 +136,7 @@ def _own(table: Path, where: str, entry: Mapping[str, str], asked: TrackRequest)
     try:
         WantedOfAll.check(of_row)
         positive("budget", of_row.budget)
+        of_row.posed()
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     return of_row

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from evenlight.analysis.tracks.dimming_options import Dimmed
 from evenlight.data_schema.arguments import number
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.option_panels import asked, expert, viewing
 from evenlight.stimuli.dimming_options import GAINS, AimOptions, File
@@ -54,7 +54,7 @@ class Steered(AimOptions):
                 "give `target_loss`, the contrast loss to hold, or `budget`, which it is to follow"
             )
         if self.budget is None and self.budget_unit is not None:
-            raise InputError("`budget_unit` is for `budget`, which is not given")
+            raise ArgumentError("budget_unit", "is for `budget`, which is not given")
         bounds = {
             "target_loss": (0.0, 1.0),
             "start_factor": (min_factor, 1.0),
@@ -67,8 +67,8 @@ class Steered(AimOptions):
                 number(name, value, *ends)
         gains = self.gains
         if self.lookahead is not None and gains:
-            raise InputError(
-                f"`{next(iter(gains))}` is for the PID controller; `lookahead` does without: leave one"
+            raise ArgumentError(
+                next(iter(gains)), "is for the PID controller; `lookahead` does without: leave one"
             )
         return ControllerSettings(self.target_loss or 0.0, lowest_factor=min_factor, **gains)
 

@@ -16,7 +16,7 @@ import typer
 
 from evenlight.analysis.tracks.dimming_options import DimmedOn, path_of
 from evenlight.data_schema.arguments import choice, number, path, whole
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.choices import (
     DEFAULT_CALM,
@@ -200,15 +200,15 @@ class TrackRequest(Analysed, WantedOfAll):
         }
         refused = ", ".join(f"`{name}`" for name, is_given in given.items() if is_given)
         if self.robust_measures and refused:
-            raise InputError(f"`robust` analyses one video by each measure; leave out {refused}")
+            raise ArgumentError("robust", f"analyses one video by each measure; leave out {refused}")
         whole("seed", self.seed)
         for name, expected in EXPECTED_FILES.items():
             file = getattr(self, name)
             if file is not None and not Path(file).exists():
-                raise InputError(f"`{name}` {file}: no such file; give {expected}")
+                raise ArgumentError(name, f"{file}: no such file; give {expected}")
         solver = choice("solver", self.solver, SolverName)
         if self.start is not None and solver is not SolverName.SPLITTING:
-            raise InputError(f"`start` is for `solver` splitting; {solver.value} starts on its own")
+            raise ArgumentError("start", f"is for `solver` splitting; {solver.value} starts on its own")
 
     def _check_kinds(self) -> None:
         """Refuse what only a program can give: files that are no names, one video for several."""
@@ -216,13 +216,13 @@ class TrackRequest(Analysed, WantedOfAll):
             if (value := getattr(self, name)) is not None:
                 path(name, value)
         if isinstance(self.others, str | PathLike) or not isinstance(self.others, Sequence | None):
-            raise InputError(f"others must be a list of videos, got {self.others!r}")
+            raise ArgumentError("others", f"must be a list of videos, got {self.others!r}")
 
     @property
     def robust_measures(self) -> tuple[str, ...]:
         """The measures of a robust track, none if it is not one."""
         if self.measures is not None and not self.robust:
-            raise InputError(f"`measures` {self.measures} is for `robust`, which is missing")
+            raise ArgumentError("measures", f"{self.measures} is for `robust`, which is missing")
         if not self.robust:
             return ()
         if self.measures is None:

@@ -139,7 +139,7 @@ def _saving(summary: OptimizationSummary) -> str:
     panel = summary.power_model
     where = "" if panel == summary.display else f" on the display of the power model {panel}"
     if panel == PUBLISHED != summary.display:
-        where = f" on the published panel ({panel}; {summary.display} needs a power model of its own)"
+        where = f" on the published panel ({panel}; give {summary.display}'s own as `--power-model`)"
     if not saved > 1e-6 * full:
         return f"{summary.video} saves no power{where}: {watts(full)}, as at full brightness"
     of_full = f"{watts(saved).removesuffix(' W')} of {watts(full)} ({100 * saved / full:.0f} %)"
@@ -288,7 +288,9 @@ def detection_in_words(summary: OptimizationSummary) -> str:
     if near <= 1 - ALWAYS:
         how_near = "never near its limit"
     often = f"reverses {turns:.2g} times a second" if turns > 0 else "never reverses"
-    if 0 < turns < 1:
+    if f"{turns:.2g}" == "1":
+        often = "reverses once a second"
+    elif 0 < turns < 1:
         often = f"reverses once in {1 / turns:{'.2g' if turns > 0.1 else '.0f'}} s"
     words = f"The track is {how_near} and {often}. "
     if summary.detectability is None:

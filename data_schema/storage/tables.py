@@ -28,6 +28,7 @@ from evenlight.data_schema.storage.whole_files import write_whole
 Record = TypeVar("Record")
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _WHOLE_NUMBER = re.compile("[+-]?[0-9]{1,19}")
+_DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9]+(?:[eE][+-]?[0-9]+)?(?:[;\r\n]|$))")  # at the end of a cell
 MISSING = ("", "n/a")  # how a table says that there is no value: CSV, BIDS
 
 
@@ -63,7 +64,8 @@ def csv_rows(
     what : str
         What it should be, for the error.
     delimiter : str, optional
-        What divides the cells.
+        What divides the cells. Where semicolons do, as spreadsheets write a table where decimals come after
+        commas, they are taken in place of commas, and such decimals too.
     torn : callable, optional
         What to do about a row that has not as many cells as the header; else it is raised.
     optional : collection of str, optional
@@ -74,7 +76,11 @@ def csv_rows(
     InputError
         If it is no table of these columns, or a row has not as many cells as the header.
     """
-    reader = csv.reader(io.StringIO(read_text(path, what), newline=""), delimiter=delimiter)
+    text = read_text(path, what)
+    first = text.partition("\n")[0]
+    if delimiter == "," and ";" in first and "," not in first:
+        delimiter, text = ";", _DECIMAL_COMMA.sub(".", text)
+    reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
     try:
         header = next(reader, [])
         order = _column_places(header, columns, f"{path}: ", what, optional)
@@ -123,9 +129,17 @@ def read_rows(cls: type[Record], path: Path) -> list[Record]:
 
     Columns with a default may be missing, and their cells empty.
     """
+    return [record for _, record in numbered_rows(cls, path)]
+
+
+def numbered_rows(cls: type[Record], path: Path) -> list[tuple[int, Record]]:
+    """Return the records of a CSV table as `read_rows` does, each with its line."""
     what, optional = f"a {words_of(cls)} table", optional_columns(cls)
     rows = csv_rows(path, columns_of(cls), what, optional=optional)
-    return [record_from_mapping(cls, plain_cells(cls, cells), f"{path}, line {line}") for line, cells in rows]
+    return [
+        (line, record_from_mapping(cls, plain_cells(cls, cells), f"{path}, line {line}"))
+        for line, cells in rows
+    ]
 
 
 def optional_columns(cls: type[Any]) -> frozenset[str]:

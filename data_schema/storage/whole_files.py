@@ -15,7 +15,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.provenance import sha256_of_file
 
 SEAL = ".sha256"
@@ -61,7 +61,7 @@ def require_free(out: Path, *, force: bool) -> None:
     """Refuse to write over what is there, but for a file that may go."""
     if out.exists() and not (force and out.is_file()):
         right = "give `force` to replace it, or another name" if out.is_file() else "give the name of a file"
-        raise InputError(f"`out` {out}: is there already; {right}")
+        raise ArgumentError("out", f"{out}: is there already; {right}")
 
 
 def make_folder(folder: Path) -> None:

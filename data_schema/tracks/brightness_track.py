@@ -8,6 +8,7 @@ from __future__ import annotations
 import dataclasses
 import enum
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -30,10 +31,11 @@ from evenlight.data_schema.quantities import (
 )
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in, read_rows
+from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in, numbered_rows
 from evenlight.data_schema.storage.text_files import read_json_record, write_json
 from evenlight.data_schema.storage.whole_files import write_whole
 
+ROUNDING = 1e-3  # s: sections whose ends are rounded to milliseconds overlap by as much
 LUMINANCE_SLACK = 1e-3  # share of a display's luminance, for means of 32-bit numbers
 ACTUATOR = "what dims the video: the backlight, or pixels, which show nothing darker than the display's black"
 PROCEDURE = "what the participants of the rate limit were asked"
@@ -299,9 +301,16 @@ def read_sections(path: Path, column: str) -> tuple[VideoSection, ...]:
     Raises
     ------
     InputError
-        If it is no such table.
+        If it is no such table, or sections overlap by more than times are rounded.
     """
-    sections = tuple(read_rows(VideoSection, path))
-    if sections and all(getattr(one, column) is None for one in sections):
+    rows = numbered_rows(VideoSection, path)
+    if rows and all(getattr(section, column) is None for _, section in rows):
         raise InputError(f"{path}: says no {column}; give a csv table start_s,end_s,{column}")
-    return sections
+    for (line, earlier), (next_line, later) in pairwise(sorted(rows, key=lambda row: row[1].start)):
+        if later.start < earlier.end - ROUNDING:
+            raise InputError(
+                f"{path}, line {next_line}: the section from {later.start:g} to {later.end:g} s overlaps "
+                f"that of line {line}, from {earlier.start:g} to {earlier.end:g} s; give each frame one "
+                "section"
+            )
+    return tuple(section for _, section in rows)

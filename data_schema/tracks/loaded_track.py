@@ -21,6 +21,10 @@ def track_file(path: Path) -> Path:
     """Return the file of a track, which may be given as the folder it is in."""
     file = path / TRACK if path.is_dir() else path
     if not file.is_file():
+        if clips := sorted(one.parent.name for one in path.glob(f"*/{TRACK}")):
+            raise InputError(
+                f"{path}: holds the tracks of {', '.join(clips)}; give the folder of one, {path / clips[0]}"
+            )
         raise InputError(
             f"{file}: no such brightness track; give a track.csv with its track.json beside it, or the "
             "folder that `evenlight optimize` wrote"

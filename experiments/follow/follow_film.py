@@ -25,6 +25,7 @@ from evenlight.experiments.follow.limited_backlight import (
 )
 from evenlight.experiments.follow.mpv_player import join_mpv, start_mpv
 from evenlight.experiments.follow.watchdog import watched_backlight
+from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import Backlight
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
@@ -90,6 +91,8 @@ def _hardware(options: FollowOptions) -> tuple[str, str, str | None]:
         rig, its_display = load_rig(options.rig)
         backlight, curve, display = rig.backlight, rig.backlight_curve, display or its_display
     if options.dry_run:
+        if options.backlight is not None:
+            find_driver(options.backlight, InstrumentKind.BACKLIGHT)
         return "simulated", "", display
     if backlight is None:
         raise InputError(

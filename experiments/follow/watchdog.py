@@ -80,8 +80,8 @@ def _opened(backlight: str, curve: str) -> Backlight:
         rig = Rig("follow", "of the track", 0.6, 60.0, backlight=backlight, backlight_curve=curve)
     except ValueError:  # whose words are a pattern
         raise InputError(
-            f"--backlight {backlight}: give DRIVER:ADDRESS, such as sysfs:intel_backlight or, for I2C bus 5, "
-            "ddc:5; `evenlight measure list` shows those of this computer"
+            f"--backlight {backlight.rstrip(':')}: give DRIVER:ADDRESS, such as sysfs:intel_backlight "
+            "or, for I2C bus 5, ddc:5; `evenlight measure list` shows those of this computer"
         ) from None
     device = open_backlight(rig, time.monotonic)
     if device is None:

@@ -138,7 +138,7 @@ def require_power_meter(rig: Rig, *, sync_patch: bool) -> None:
     """Refuse a rig without a power meter, and a mark for a meter that cannot see it."""
     if rig.power_meter == "none":
         raise InputError(
-            f"the rig {rig.name!r} names no power meter: add `power_meter`, "
+            f"the rig {rig.name!r} names no power meter: set `power_meter`, "
             "as `evenlight measure list` has them, to the file of --rig (`evenlight new rig desk.rig.toml` "
             "writes one)"
         )

@@ -268,7 +268,7 @@ def _new_manifest(request: SweepRequest) -> SweepManifest:
     if display is None and request.task == "power-sweep" and rig.luminance_meter == "none":
         raise InputError(
             f"the rig {rig.name!r} has neither a luminance meter nor a measured display, and power is fitted "
-            "over luminance: add `luminance_meter`, or run luminance-sweep first"
+            "over luminance: set `luminance_meter`, or run luminance-sweep first"
         )
     return SweepManifest(
         session_id=request.session_id,

@@ -76,7 +76,7 @@ def names_of_meters(rig: Rig, task: str, *, rehearsed: bool) -> tuple[str, str]:
     )
     if needed == "none":
         raise InputError(
-            f"the rig {rig.name!r} names no {key.replace('_', ' ')}, and {task} needs one: add `{key}`, as "
+            f"the rig {rig.name!r} names no {key.replace('_', ' ')}, and {task} needs one: set `{key}`, as "
             "`evenlight measure list` has them"
         )
     if task == "power-sweep" and rig.luminance_meter.startswith("csv:"):

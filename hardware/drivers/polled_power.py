@@ -113,7 +113,7 @@ class HwmonPowerMeter(PolledMeter, Instrument):
 def _sensor_at(place: str, root: Path) -> Path:
     folders = [folder for name in SENSORS for folder in sorted((root / name).glob("*"))]
     sensors = [(_chip_of(folder), f"hwmon:{folder}", folder) for folder in folders if _factors(folder, 1)]
-    return _only_one(place, sensors, f"hwmon:{place}")
+    return _only_one(place, sensors, f"hwmon:{place}".rstrip(":"))
 
 
 def _only_one(place: str, devices: list[tuple[str, str, Path]], given: str) -> Path:
@@ -296,7 +296,7 @@ def _battery_at(place: str, root: Path) -> Path:
         if read_text(folder / "type") == "Battery"
         if not (folder / "scope").exists() or read_text(folder / "scope") != "Device"
     ]
-    return _only_one(place, batteries, f"battery:{place}")
+    return _only_one(place, batteries, f"battery:{place}".rstrip(":"))
 
 
 class AdbPowerMeter(GaugePowerMeter):
@@ -311,7 +311,7 @@ class AdbPowerMeter(GaugePowerMeter):
 
     def _open(self, address: str) -> None:
         serial, _, program = address.partition("@")
-        self._name = f"adb:{serial}"
+        self._name = f"adb:{serial}".rstrip(":")  # of the only device
         self._command = [program or "adb", *(("-s", serial) if serial else ()), "shell", ASK]
         answers_within, self._timeout = self._timeout, max(self._timeout, OPENED_WITHIN)
         self._read_power()

@@ -64,7 +64,7 @@ class LineSettings:
         ):
             value = getattr(self, name)
             if not (isinstance(value, kind) and value in tuple(known)):
-                raise InputError(must_be_one_of(name, value, known))
+                raise must_be_one_of(name, value, known)
         if not (isinstance(self.terminator, bytes) and self.terminator):
             raise InputError(f"terminator must be at least one byte, got {self.terminator!r}")
         positive("timeout", self.timeout)

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.method.choices import ObjectiveName
 from evenlight.method.compiled_loop import compiled_loop
 
@@ -298,8 +298,8 @@ def objective_named(name: ObjectiveName, level_weight: float | None = None) -> O
     """
     if name is not ObjectiveName.SPREAD_AND_MEAN:
         if level_weight is not None:
-            raise InputError(
-                f"`level_weight` {level_weight:g} is for the objective spread+mean, not for {name.value}"
+            raise ArgumentError(
+                "level_weight", f"{level_weight:g} is for the objective spread+mean, not for {name.value}"
             )
         return SPREAD if name is ObjectiveName.SPREAD else LargestLoss()
     if level_weight is None:
@@ -308,7 +308,7 @@ def objective_named(name: ObjectiveName, level_weight: float | None = None) -> O
             "point of mean loss counts against a point of spread"
         )
     if not 0 < level_weight <= LARGEST_LEVEL_WEIGHT:
-        raise InputError(
-            f"level_weight must lie above 0 and up to {LARGEST_LEVEL_WEIGHT:g}, got {level_weight:g}"
+        raise ArgumentError(
+            "level_weight", f"must lie above 0 and up to {LARGEST_LEVEL_WEIGHT:g}, got {level_weight:g}"
         )
     return Spread(level_weight)

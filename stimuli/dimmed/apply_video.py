@@ -15,7 +15,7 @@ import numpy as np
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.storage.whole_files import results_folder
 from evenlight.stimuli.dimmed.apply_options import AppliedVersion, DimmedFile, DimmedVersion
 from evenlight.stimuli.dimmed.dimmed_pictures import (
@@ -217,9 +217,10 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
             added = container.add_stream_from_template(stream)
         except (ValueError, FFmpegError) as error:
             if stream.type == "audio":
-                raise InputError(
-                    f"`out` {out}: {out.suffix} files cannot hold the sound ({stream.name}); "
-                    "give a name that ends in .mkv"
+                raise ArgumentError(
+                    "out",
+                    f"{out}: {out.suffix} files cannot hold the sound ({stream.name}); "
+                    "give a name that ends in .mkv",
                 ) from error
             return f"stream {stream.index} ({kind})"
         added.metadata.update({k: v for k, v in stream.metadata.items() if not k.startswith(LENGTHS)})

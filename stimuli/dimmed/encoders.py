@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError
 from evenlight.stimuli.dimmed.apply_options import Codec
 from evenlight.stimuli.video.video_writer import FFV1_OPTIONS
 
@@ -49,12 +49,15 @@ def codec_for(out: Path, asked: Codec | None) -> Codec:
     """
     ending = out.suffix.lower()
     if ending not in USUAL:
-        raise InputError(f"`out` {out}: need a name that ends in {', '.join(USUAL)}, got {ending or 'none'}")
+        raise ArgumentError(
+            "out", f"{out}: need a name that ends in {', '.join(USUAL)}, got {ending or 'none'}"
+        )
     codec = asked or USUAL[ending]
     endings = ENCODERS[codec].endings
     if ending not in endings:
-        raise InputError(
-            f"`out` {out}: {ending} files cannot hold {codec.value}; give a name that ends in "
-            f"{' or '.join(endings)}, or `codec` {USUAL[ending].value}"
+        raise ArgumentError(
+            "out",
+            f"{out}: {ending} files cannot hold {codec.value}; give a name that ends in "
+            f"{' or '.join(endings)}, or `codec` {USUAL[ending].value}",
         )
     return codec

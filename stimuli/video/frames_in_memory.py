@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arguments import positive
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 from evenlight.data_schema.frame import Frame
 from evenlight.method.contrast.loss_curves import SMALLEST_SIDE
 from evenlight.stimuli.sequences import open_video
@@ -46,10 +46,10 @@ def video_of(
     if isinstance(given, VideoSource):
         return given
     if isinstance(given, np.ndarray) and given.ndim == 3:
-        raise InputError(f"{argument} is one frame of shape {given.shape}; give a list of frames")
+        raise ArgumentError(argument, f"is one frame of shape {given.shape}; give a list of frames")
     if not isinstance(given, Iterable) or isinstance(given, bytes):
-        kind = type(given).__name__
-        raise InputError(f"{argument} must be a path, a built-in sequence's name or frames, got a {kind}")
+        kind = shown_kind(given)
+        raise ArgumentError(argument, f"must be a path, a built-in sequence's name or frames, got {kind}")
     return FramesInMemory(given, FRAMES_PER_SECOND if fps is None else fps)
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.method.contrast.loss_curves import SMALLEST_SIDE
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
@@ -102,7 +102,7 @@ def viewing_geometry(
         return ViewingGeometry(display, None, size, size)
     if not NARROWEST <= field_of_view <= WIDEST:
         within = f"in {NARROWEST:g} to {WIDEST:g} degrees"
-        raise InputError(f"field_of_view must lie {within}, got {field_of_view:g}")
+        raise ArgumentError("field_of_view", f"must lie {within}, got {field_of_view:g}")
     (width, height), finest = size, display.pixels_per_degree
     density = pixels_per_degree_in(field_of_view, width)
     if math.isclose(density, finest, rel_tol=ROUNDING):

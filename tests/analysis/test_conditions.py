@@ -114,7 +114,7 @@ def test_a_condition_that_is_not_there_is_named_with_those_that_are() -> None:
     options = RateLimitOptions(RateLimitForm.LOG_LOG, 1, direction=Direction.UP, ramp_duration=20.0)
     for rows in (thresholds({FIVE: 1.0}), thresholds({FIVE: 1.0, TEN: 0.5})):
         with pytest.raises(
-            InputError, match=r"no usable threshold of ramps up over 20 s; there are falling"
+            InputError, match=r"no usable threshold of rising ramps of 20 s; there are falling"
         ) as e:
             fit_thresholds(rows, DISPLAY, options)
         assert "\n" not in str(e.value)

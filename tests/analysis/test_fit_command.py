@@ -193,8 +193,8 @@ def test_the_results_of_a_fit_pass_the_validation(results: Path, command) -> Non
     ("arguments", "words"),
     [
         (("--procedure", "two_interval"), "holds no trials of two_interval"),
-        (("--direction", "up"), "no usable threshold of ramps up"),
-        (("--ramp-duration", "10"), "no usable threshold of ramps 10 s"),
+        (("--direction", "up"), "no usable threshold of rising ramps"),
+        (("--ramp-duration", "10"), "no usable threshold of ramps of 10 s"),
     ],
 )
 def test_what_cannot_be_done_is_said_in_one_line_and_leaves_nothing(

@@ -176,9 +176,12 @@ def test_the_first_lines_say_what_came_out_how_sure_and_what_is_wrong(yes_no: Ca
     fit = dataclasses.replace(yes_no.rate_limit, falling=((164.0, 300.0),))
     models = dataclasses.replace(yes_no.models, fits={yes_no.models.chosen: fit})
     lead, figures = first_lines(dataclasses.replace(yes_no, models=models))
-    assert lead.endswith("Implausible: falls from 164 to 300 cd/m²; try a monotone curve.")
+    assert lead.endswith("Implausible: falls from 164 to 300 cd/m²; try `evenlight fit --monotone`.")
     assert figures[-1].warns
-    assert figures[-1].in_words == "the limit falls from 164 to 300 cd/m²: Implausible (try a monotone curve)"
+    assert (
+        figures[-1].in_words
+        == "the limit falls from 164 to 300 cd/m²: Implausible (try `evenlight fit --monotone`)"
+    )
 
 
 def test_a_band_too_wide_for_use_is_what_is_wrong_first(yes_no: Calibration) -> None:

@@ -320,7 +320,7 @@ def test_a_shape_asked_for_is_taken_whatever_the_scores_say() -> None:
     [
         (RateLimitOptions(RateLimitForm.RATE, 2), "the joint model describes"),
         (RateLimitOptions(RateLimitForm.LOG_LOG, 4), "needs thresholds at 5 or more luminances, got 4"),
-        (RateLimitOptions(ramp_duration=7.0), "no usable threshold of ramps 7 s"),
+        (RateLimitOptions(ramp_duration=7.0), "no usable threshold of ramps of 7 s"),
     ],
 )
 def test_what_cannot_be_fitted_is_refused(options: RateLimitOptions, message: str) -> None:

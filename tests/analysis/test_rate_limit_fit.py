@@ -94,7 +94,7 @@ def test_a_fall_within_the_range_is_reported_where_it_is() -> None:
     assert (low, high) == pytest.approx((50, 90), abs=0.2)
     assert not fit.monotone
     assert any(
-        "Implausible: the limit falls from 50 to 90 cd/m^2; try a monotone curve" in note
+        "Implausible: the limit falls from 50 to 90 cd/m^2; try `evenlight fit --monotone`" in note
         for note in fit.notes
     )
 

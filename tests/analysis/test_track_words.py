@@ -52,7 +52,7 @@ def test_a_battery_is_told_in_hours_of_the_power_models_display_alone() -> None:
         "alone 20 h instead of 5 h"
     )
     published = gain_in_words(summary(power_model="surace2025"))[0]
-    assert published.endswith(" on the published panel (surace2025; desk needs a power model of its own)")
+    assert published.endswith(" on the published panel (surace2025; give desk's own as `--power-model`)")
 
 
 @pytest.mark.parametrize(("ours", "told"), [(0.00055, "0.055"), (0.0, "0.000")])
@@ -217,6 +217,7 @@ def test_the_first_words_of_a_track_are_few() -> None:
     [
         (0.998, 0.025, "The track is near its limit all the time and reverses once in 40 s. "),
         (0.634, 2.5, "The track is near its limit 63 % of the time and reverses 2.5 times a second. "),
+        (0.998, 1.0, "The track is near its limit all the time and reverses once a second. "),
         (0.001, 0.0, "The track is never near its limit and never reverses. "),
     ],
 )

@@ -135,6 +135,7 @@ def test_what_is_saved_is_what_optimize_takes(fit: evenlight.RampFit, tmp_path: 
     fit.save(tmp_path)
     again = evenlight.load_rate_limit(tmp_path / "rate_limit.json")
     assert again.coefficients == fit.rate_limit.coefficients
+    assert evenlight.load_rate_limit(tmp_path) == again
     assert again.simulated
     assert (tmp_path / "thresholds.csv").read_text().count("\n") == 19
     for name in fit.figures:

@@ -77,7 +77,9 @@ def test_the_device_that_is_named_is_asked(make_adb) -> None:
 
 
 def test_without_adb_it_says_how_to_get_it() -> None:
-    with pytest.raises(InstrumentError, match="no program '/nowhere/adb'; install it with: apt install adb"):
+    with pytest.raises(
+        InstrumentError, match=r"^adb: no program '/nowhere/adb'; install it with: apt install adb"
+    ):
         AdbPowerMeter("@/nowhere/adb")
 
 

@@ -181,6 +181,7 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
         (["{badfactor}", "--budget", 0.5], "line 3: min_factor must lie in 0.001 to 0.99, got 7"),
         (["{badunit}", "--budget", 0.5], "line 2: budget_unit: expected one of 'factor', 'power', 'watt'"),
         (["{badbudget}", "--budget", 0.5], "line 2: budget must be above 0, got 0.0"),
+        (["{above}", "--budget", 0.5], "line 3: the budget 7 (factor) cannot be met"),
         (["{unnamed}", "--budget", 0.5], "line 3: names no video in the column path"),
     ],
 )
@@ -189,6 +190,7 @@ def test_what_is_wrong_of_all_is_refused_at_once(command, films, tmp_path, argum
               "badcolumn": "path,colour\na.mkv,red\n",
               "badfactor": "path,min_factor\na.mkv,0.3\nb.mkv,7\n",
               "badunit": "path,budget_unit\na.mkv,lux\n", "badbudget": "path,budget\na.mkv,0\n",
+              "above": "path,budget\na.mkv,0.4\nb.mkv,7\n",
               "unnamed": "path,budget\na.mkv,0.4\n,0.4\n"}  # fmt: skip
     for name, text in tables.items():
         (tmp_path / f"{name}.csv").write_text(text)
@@ -206,12 +208,12 @@ def test_every_option_of_all_videos_is_a_column(films, tmp_path):
     table = films / "own.csv"
     table.write_text(
         "path,calm,actuator,field_of_view_deg,objective,other_display_ok,battery_wh,power_model\n"
-        "a.mkv,0.25,pixels,40,minimax,true,12,mine\nb.mkv,,,,,,,\n"
+        "a.mkv,0.25,pixels,40,minimax,true,12,surace2025\nb.mkv,,,,,,,\n"
     )
     own, usual = (one.asked for one in videos_of(str(table), TrackRequest(budget=0.5), tmp_path / "out"))
     assert (own.calm, own.actuator, own.field_of_view) == (0.25, Actuator.PIXELS, 40.0)
     assert (own.objective, own.other_display_ok, own.battery_wh) == (ObjectiveName.MINIMAX, True, 12.0)
-    assert (own.power_model, own.budget) == ("mine", 0.5)
+    assert (own.power_model, own.budget) == ("surace2025", 0.5)
     assert usual == TrackRequest(budget=0.5)
 
 

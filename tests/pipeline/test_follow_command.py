@@ -12,17 +12,18 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from example_tracks import example_track, header_of
 
 import evenlight
 from evenlight.data_schema.provenance import Provenance, sha256_of_file
 from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    TrackHeader,
     write_track,
 )
 from evenlight.experiments.follow import mpv_player, watchdog
@@ -48,11 +49,15 @@ def film(tmp_path_factory: pytest.TempPathFactory, make_video: Callable[..., Non
     folder = tmp_path_factory.mktemp("film")
     make_video(folder / "film.mkv", np.full(N, 0.7), (32, 24), RATE)
     display = load_display("varjo-xr3")
-    made = Provenance(inputs={"video": sha256_of_file(folder / "film.mkv")})
-    header = header_of(display, video="film", budget=0.8, provenance=made, display=display)
-    header = replace(header, power_model="surace2025", rate_limit="surace2025")
-    columns = {"mean_luminance": 52.0 * FACTORS, "rate": np.append(np.diff(FACTORS) * 52.0 * RATE, 0.0)}
-    track = example_track(FACTORS, RATE, header, rate_limit=1.0, power=52.0, **columns)
+    header = TrackHeader(
+        "film", display.name, display.fingerprint, "surace2025", "surace2025", 0.8, BudgetUnit.FACTOR,
+        "splitting", Provenance(inputs={"video": sha256_of_file(folder / "film.mkv")}), display=display,
+    )  # fmt: skip
+    light = np.full(N, 52.0)
+    rate = np.append(np.diff(FACTORS) * 52.0 * RATE, 0.0)
+    track = BrightnessTrack(
+        np.arange(N) / RATE, FACTORS, np.zeros(N), light * FACTORS, rate, np.full(N, 1.0), light, header
+    )
     write_track(folder / "track.csv", track)
     return folder
 
@@ -311,7 +316,8 @@ def test_a_dry_run_prints_and_sets_nothing(film: Path, panel: Panel, command) ->
     [
         (["--backlight", "none"], "there is nothing that could follow"),
         (["--backlight", "lamp"], "--backlight lamp: give DRIVER:ADDRESS, such as "),
-        (["--backlight", "ddc:"], "--backlight ddc:: give DRIVER:ADDRESS, such as "),
+        (["--backlight", "ddc:"], "--backlight ddc: give DRIVER:ADDRESS, such as "),
+        (["--backlight", "lamp", "--dry-run"], "there is no backlight 'lamp'; there is sysfs, ddc"),
         (["--backlight-curve", "no.csv"], "no.csv"),
         (["--rig", "simulated"], "give it, or --backlight"),
         (["--display", "nowhere"], "nowhere: no such display"),

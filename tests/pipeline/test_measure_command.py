@@ -215,7 +215,7 @@ def test_what_was_read_before_the_cable_was_pulled_is_kept(command: Any, tmp_pat
         (("luminance",), "name an instrument with --instrument, as `evenlight measure list` has them"),
         (
             ("luminance", "--rig", "desk"),
-            "the rig 'desk' names no luminance meter: add `luminance_meter` to it",
+            "the rig 'desk' names no luminance meter: set `luminance_meter` in it",
         ),
         (("power", "--rig", "desk"), "the rig 'desk' names no power meter"),
         (("luminance", "--rig", "dsk"), "no such rig; did you mean 'desk'"),

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.provenance import sha256_of_bytes
-from evenlight.data_schema.tracks.brightness_track import read_track
+from evenlight.data_schema.tracks.brightness_track import read_sections, read_track
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 
@@ -49,6 +49,28 @@ def test_weights_and_allowances_are_kept_and_named_in_the_summary(command, tmp_p
     options = ("--weights", one, "--allowances", one, "--budget", 0.5, "--quiet")
     assert command("optimize", "--no-player", videos[0], *options, "--out", both).code == 0
     assert (both / "track.csv").read_bytes() == (out / "track.csv").read_bytes()
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_sections_of_a_spreadsheet_with_decimal_commas_are_read(tmp_path, end) -> None:
+    """The case reported: Excel's weights were an unknown column 'start_s;end_s;weight'."""
+    table = tmp_path / "v.weights.csv"
+    table.write_bytes(end.join(["start_s;end_s;weight", "0;1,5;3", "1,5;2,25;0,5", ""]).encode())
+    first, second = read_sections(table, "weight")
+    assert (first.start, first.end, first.weight) == (0.0, 1.5, 3.0)
+    assert (second.start, second.end, second.weight) == (1.5, 2.25, 0.5)
+
+
+def test_sections_that_overlap_are_named_with_their_lines_at_once(command, tmp_path, videos) -> None:
+    """By more than a millisecond: times may be rounded."""
+    table, out = tmp_path / "v.weights.csv", tmp_path / "out"
+    table.write_text("start_s,end_s,weight\n3,4,1\n\n0,1.0004,3\n1,3.5,2\n")
+    refused = command("optimize", videos[0], "--weights", table, "--budget", 0.5, "--out", out)
+    assert refused.code == 2
+    assert refused.err == (
+        f"evenlight: {table}, line 2: the section from 3 to 4 s overlaps that of line 5, from 1 to 3.5 s; "
+        "give each frame one section\n"
+    )
 
 
 def test_clips_share_a_budget_and_get_folders_of_their_own(command, tmp_path, videos, monkeypatch) -> None:

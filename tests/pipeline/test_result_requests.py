@@ -195,6 +195,29 @@ def test_what_the_command_line_gives_is_told_as_an_option_beside_a_file_too(comm
     assert "asked in" not in refused.err
 
 
+def test_what_is_to_be_given_is_an_option_and_what_of_it_the_file_asks_is_told(
+    command: Any, film: str
+) -> None:
+    """The case reported: the names of a limit and a display of the file stand in the message by chance."""
+    Path("request.toml").write_text(
+        f'command = "optimize"\n[asked]\nvideo = "{film}"\nbudget = 0.5\nrate_limit = "surace2025"\n'
+        'display = "laptop-lcd"\n'
+    )
+    refused = command("optimize", "--request", "request.toml", "--out", "track")
+    assert refused.err.endswith(
+        "give it as --rate-limit, or borrow this one, unproven there, with --other-display-ok (rate_limit: "
+        "as asked in request.toml)\n"
+    )
+    Path("request.toml").write_text(
+        f'command = "optimize"\n[asked]\nvideo = "{film}"\nbudget = 0.5\nobjective = "minimax"\n'
+    )
+    refused = command("optimize", "--request", "request.toml", "--robust", "--out", "track")
+    assert refused.err == (
+        "evenlight: --robust analyses one video by each measure; leave out --objective (objective: as asked "
+        "in request.toml)\n"
+    )
+
+
 def test_what_a_word_of_the_file_happens_to_be_in_is_not_told_of_it(command: Any, film: str) -> None:
     """The unit of the file, "factor", stands in every message on factors."""
     Path("request.toml").write_text(

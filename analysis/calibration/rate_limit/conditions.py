@@ -49,8 +49,7 @@ class Condition:
         >>> Condition(Direction.DOWN, 5.0).words
         'falling ramps of 5 s'
         """
-        way = "falling" if self.direction is Direction.DOWN else "rising"
-        return f"{way} ramps of {self.ramp_duration:g} s"
+        return _ramps(self.direction, self.ramp_duration)
 
     @property
     def of_limit(self) -> dict[str, Any]:
@@ -116,10 +115,14 @@ def allowed_references(conditions: Sequence[Condition], options: RateLimitOption
     )
     if conditions and not allowed:
         there = ", ".join(condition.words for condition in conditions)
-        wanted = [options.direction.value] if options.direction else []
-        wanted += [f"{options.ramp_duration:g} s"] if options.ramp_duration else []
-        raise InputError(f"no usable threshold of ramps {' over '.join(wanted)}; there are {there}")
+        wanted = _ramps(options.direction, options.ramp_duration)
+        raise InputError(f"no usable threshold of {wanted}; there are {there}")
     return allowed
+
+
+def _ramps(direction: Direction | None, duration: float | None) -> str:
+    way = {None: "", Direction.DOWN: "falling ", Direction.UP: "rising "}[direction]
+    return f"{way}ramps" + (f" of {duration:g} s" if duration else "")
 
 
 def _effect_of(

@@ -270,8 +270,8 @@ def shape_notes(basis: CurveBasis, coefficients: Array, residual_df: int) -> tup
         )
     for low, high in falling_stretches(basis, coefficients):
         notes.append(
-            f"Implausible: the limit falls from {low:.3g} to {high:.3g} cd/m^2; try a monotone curve (joint "
-            "model)."
+            f"Implausible: the limit falls from {low:.3g} to {high:.3g} cd/m^2; try "
+            "`evenlight fit --monotone` (joint model)."
         )
     luminance = np.linspace(*basis.luminance_range, 201)
     if basis.form is RateLimitForm.RATE and (basis.design(luminance) @ coefficients <= 0).any():
