@@ -15,9 +15,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TextIO
+from typing import Any, NamedTuple, TextIO
 
 import numpy as np
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
@@ -34,10 +37,8 @@ from evenlight.data_schema.recordings.session import TASKS, SessionEvent, Sessio
 from evenlight.data_schema.storage.text_files import parse_json, read_json_record
 from evenlight.experiments.ramp.adaptive_placement import AdaptivePlacement, placement_grid, success_chances
 
-if TYPE_CHECKING:
-    from rich.console import Console
-
 LOOK_EVERY = 0.5  # of `watch` [s]
+SILENT = 60.0  # [s] after which it is told that nothing new comes
 SOONEST = 0.2  # between two drawings [s]: a rehearsal has hundreds of trials a second
 PATIENCE = 2.0  # [s] that the end of a session waits for a terminal
 INTERVAL = (0.025, 0.975)
@@ -158,11 +159,13 @@ class SessionSoFar:
         return sum(not (trial.practice or trial.usable) for trial in self.trials)
 
     @property
-    def seconds_left(self) -> float | None:
-        """The trials left at the pace so far, breaks and repeats included [s]; None before there is a pace.
+    def silence(self) -> float:
+        """How long nothing was written [s]."""
+        return time.time() - max(path.stat().st_mtime for path in self._folder.iterdir())
 
-        A session of ramps goes by its design before the first answer.
-        """
+    @property
+    def seconds_left(self) -> float | None:
+        """The trials left at the pace so far [s], of ramps by the design at first; None if unknown."""
         design, usable = self.manifest.design, self.usable
         left = self.manifest.n_trials - len(usable)
         first = usable[0].trial_index if usable else -1
@@ -175,20 +178,23 @@ class SessionSoFar:
 def in_words(session: SessionSoFar) -> list[str]:
     """Return how a session stands: trials and time left, flags and drops, false alarms, thresholds."""
     manifest, left, status = session.manifest, session.seconds_left, session.manifest.status
-    title = f"{manifest.task}, participant {manifest.participant_id}, session {manifest.session_id}"
+    who = f"participant {manifest.participant_id}, session {manifest.session_id}"
     trials = f"{len(session.usable)} of {manifest.n_trials} trials"
+    timed = not manifest.apparatus.get("clock", "").startswith("refreshes")
     if session.ended:
         trials += "; stopped, go on with --resume" if status is SessionStatus.ABORTED else f"; {status.value}"
     elif left is not None:
         trials += f", about {left / 60:.0f} min left" if left >= 60 else f", about {left:.0f} s left"
+        trials += "" if timed else " on the session's own clock"
+    if not session.ended and session.silence >= SILENT:
+        trials += f"; nothing new for {session.silence / 60:.0f} min: does it still run?"
     dropped = f"in {sum(bool(getattr(t, 'frames_dropped', None)) for t in session.trials)} trials"
-    if manifest.apparatus.get("clock", "").startswith("refreshes"):
-        dropped = "not timed in this rehearsal"
+    drops = dropped if timed else "not timed in this rehearsal"
     catches = [t.success for t in session.usable if isinstance(t, RampTrial) and t.is_catch]
     return [
-        title + (", SIMULATED" if manifest.simulated else ""),
+        f"{manifest.task}, {who}{', SIMULATED' if manifest.simulated else ''}",
         trials,
-        f"{session.flagged} flagged, frames dropped: {dropped}",
+        f"{session.flagged} flagged, frames dropped: {drops}",
         *([f"false alarms: {sum(catches)} of {len(catches)}"] if catches else []),
         *(_levels_in_words(session.thresholds) if session.thresholds else ()),
     ]
@@ -213,8 +219,6 @@ def _levels_in_words(thresholds: ThresholdsSoFar) -> list[str]:
 @contextmanager
 def live_view(folder: Path, quiet: bool) -> Iterator[Callable[[], None]]:
     """Yield what shows on the terminal how a session stands, whose folder comes later; nothing if quiet."""
-    from rich.console import Console
-
     if quiet or not sys.stderr.isatty():
         yield lambda: None
         return
@@ -243,9 +247,6 @@ def live_view(folder: Path, quiet: bool) -> Iterator[Callable[[], None]]:
 @contextmanager
 def _drawn(console: Console) -> Iterator[Callable[[SessionSoFar], None]]:
     """Yield what draws how a session stands, in place of what it drew before."""
-    from rich.live import Live
-    from rich.text import Text
-
     # No thread refreshes it by itself: that would take the processor from the flips of a trial.
     live = Live(console=console, auto_refresh=False)
 
@@ -261,8 +262,6 @@ def _drawn(console: Console) -> Iterator[Callable[[SessionSoFar], None]]:
 
 def watch_session(folder: Path, once: bool, sleep: Callable[[float], None] = time.sleep) -> None:
     """Show how a session stands on standard output until it ends; once, where there is no terminal."""
-    from rich.console import Console
-
     console, session = Console(highlight=False), SessionSoFar(folder)
     if once or not console.is_terminal:
         console.print("\n".join(in_words(session)), markup=False)
@@ -276,7 +275,7 @@ def watch_session(folder: Path, once: bool, sleep: Callable[[float], None] = tim
 
 
 class _Pen(io.StringIO):
-    """Writes to a terminal by a thread."""
+    """Writes to a terminal by a thread, until nothing more is to come, or nobody reads it any longer."""
 
     def __init__(self, terminal: TextIO) -> None:
         super().__init__()
@@ -290,12 +289,10 @@ class _Pen(io.StringIO):
         self._thread.join(PATIENCE)
 
     def write(self, text: str) -> int:
-        """Take a text, to be written soon."""
         self._texts.put(text)
         return len(text)
 
     def _work(self, terminal: TextIO) -> None:
-        """Write until there is nothing more to come, or nobody reads it any longer."""
         with suppress(OSError, ValueError):
             while (text := self._texts.get()) is not None:
                 terminal.write(text)

@@ -43,9 +43,8 @@ def safe_keyboard_start() -> Iterator[None]:
 
     def start_without_a_word(device: Any) -> None:
         before = set(THREADS.iterdir())
-        with ThreadPoolExecutor(
-            1
-        ) as threads:  # PsychHID's thread inherits the filter of the one that starts it
+        # PsychHID's thread inherits the filter of the one that starts it.
+        with ThreadPoolExecutor(1) as threads:
             threads.submit(_start_quietly, start, device).result()
         above_own = os.sched_getparam(0).sched_priority + 1
         priority = os.sched_param(min(above_own, os.sched_get_priority_max(os.SCHED_FIFO)))

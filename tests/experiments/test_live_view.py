@@ -3,6 +3,7 @@
 import dataclasses
 import io
 import json
+import os
 import shutil
 import threading
 import time
@@ -175,6 +176,28 @@ def test_a_session_in_its_midst_is_told_with_what_goes_on(lab: Path) -> None:
     assert in_words(session)[1].startswith("4 of 10 trials, about ")
 
 
+def test_the_time_left_of_a_rehearsal_that_counts_refreshes_is_that_of_its_clock(lab: Path) -> None:
+    """It may take longer: the case reported had 33 s left, and took 110."""
+    cut(lab, 2 + 4)
+    session = so_far(lab)
+    assert in_words(session)[1].endswith(" s left on the session's own clock")
+    session.manifest = dataclasses.replace(session.manifest, apparatus={"clock": "computer"})
+    assert in_words(session)[1].endswith(" s left")
+
+
+def test_a_session_from_which_nothing_comes_is_told_until_it_ends(lab: Path) -> None:
+    def left_alone() -> str:
+        """Its files as if written five minutes ago."""
+        for path in session_of(lab).iterdir():
+            os.utime(path, (time.time() - 300,) * 2)
+        return in_words(so_far(lab))[1]
+
+    assert left_alone() == "10 of 10 trials; complete"
+    cut(lab, 2 + 4)
+    assert "nothing new" not in in_words(so_far(lab))[1]
+    assert left_alone().endswith("; nothing new for 5 min: does it still run?")
+
+
 class HandMade(SessionSoFar):
     """A session of 20 trials of 10 s each, of which some are answered."""
 
@@ -194,6 +217,8 @@ class HandMade(SessionSoFar):
         begun = EventKind.TRIAL_BEGUN
         self.events = [SessionEvent(begun, 10.0 * k, trial_index=k, attempt=1) for k in range(done + 1)]
         self.thresholds = None
+
+    silence = 0.0
 
 
 def test_the_time_left_is_the_trials_left_at_the_pace_so_far() -> None:
