@@ -48,7 +48,7 @@ from evenlight.experiments.stimulus_folder import (
     load_stimuli,
     require_flat_screens,
 )
-from evenlight.hardware.presentation.headset_link import HeadsetLink
+from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.rig_windows import (
     LARGEST_DEVIATION,
     open_headset,
@@ -127,7 +127,7 @@ def run_session(
         return _run(request, headset, report, tell)
 
 
-def _headset_of(request: SessionRequest) -> AbstractContextManager[HeadsetLink | None]:
+def _headset_of(request: SessionRequest) -> AbstractContextManager[HeadsetWindow | None]:
     """Return the headset of a session, open; None where there is none, or nothing is shown."""
     if not request.rig.in_headset or request.staging.simulation == "data":
         return nullcontext()
@@ -137,7 +137,7 @@ def _headset_of(request: SessionRequest) -> AbstractContextManager[HeadsetLink |
 
 def _run(
     request: SessionRequest,
-    headset: HeadsetLink | None,
+    headset: HeadsetWindow | None,
     report: Callable[[int], None],
     tell: Callable[[str], None],
 ) -> SessionOutcome:

@@ -8,8 +8,8 @@ from itertools import pairwise
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.hardware.presentation.headset_link import HeadsetFacts
-from evenlight.hardware.presentation.headset_window import HeadsetWindow, ShownFrame
+from evenlight.hardware.presentation.headset_views import HeadsetFacts
+from evenlight.hardware.presentation.headset_window import ShownFrame
 from evenlight.hardware.rig_windows import open_headset
 
 
@@ -35,7 +35,8 @@ def measure_headset(rig: Rig, frames: int) -> list[str]:
             f'the rig {rig.name!r} shows on screen {rig.screen}: name one with screen = "openxr" (or the '
             "preset `headset`)"
         )
-    with open_headset(rig) as link, HeadsetWindow(rig, link) as window:
+    with open_headset(rig) as window:
+        window.begin(rig.eye)
         for _ in range(frames):
             window.framebuffer().clear(0.0, 0.0, 0.0, 1.0)
             window.flip()

@@ -18,7 +18,7 @@ if TYPE_CHECKING:  # every command imports this module, and shows its help witho
     from numpy.typing import NDArray
 
     from evenlight.data_schema.recordings.instrument_logs import ClockPing, PowerSample
-    from evenlight.hardware.presentation.headset_link import HeadsetFrame
+    from evenlight.hardware.presentation.headset_views import HeadsetFrame
 
 
 class Fault(enum.Enum):

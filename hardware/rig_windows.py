@@ -12,7 +12,7 @@ from evenlight.hardware.simulated.clocks import RefreshClock
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
-    from evenlight.hardware.presentation.headset_link import HeadsetFacts, HeadsetLink
+    from evenlight.hardware.presentation.headset_views import HeadsetFacts
     from evenlight.hardware.presentation.headset_window import HeadsetWindow
 
 SIMULATED_HEADSET = "simulated:openxr"
@@ -25,7 +25,7 @@ def open_window(
     refresh_clock: RefreshClock | None = None,
     *,
     rehearsal: bool = False,
-    headset: HeadsetLink | None = None,
+    headset: HeadsetWindow | None = None,
 ) -> Window:
     """Return the rig's window: on a screen, or in a headset.
 
@@ -37,8 +37,8 @@ def open_window(
         A clock that goes with the flips, for a rehearsal at full speed; else the computer's.
     rehearsal : bool, optional
         Whether any refresh rate will do, as where no one watches.
-    headset : HeadsetLink, optional
-        The rig's headset, if it is open; the window closes it.
+    headset : HeadsetWindow, optional
+        The rig's headset, if it is open: it is the window.
 
     Raises
     ------
@@ -48,8 +48,13 @@ def open_window(
         If the headset's runtime goes away.
     """
     if rig.in_headset:
-        link = headset or open_headset(rig, waits=refresh_clock is None)
-        return _window_in_headset(rig, link, refresh_clock)
+        in_headset = headset or open_headset(rig, waits=refresh_clock is None)
+        try:
+            in_headset.begin(rig.eye, refresh_clock)
+        except BaseException:
+            in_headset.close()
+            raise
+        return in_headset
     from evenlight.hardware.presentation.psychopy_window import PsychoPyWindow
 
     window = PsychoPyWindow(rig, refresh_clock)
@@ -62,18 +67,8 @@ def open_window(
     return window
 
 
-def _window_in_headset(rig: Rig, link: HeadsetLink, refresh_clock: RefreshClock | None) -> HeadsetWindow:
-    from evenlight.hardware.presentation.headset_window import HeadsetWindow
-
-    try:
-        return HeadsetWindow(rig, link, refresh_clock)
-    except BaseException:
-        link.close()
-        raise
-
-
-def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetLink:
-    """Return the rig's headset: at the computer's OpenXR runtime, or a made-up one.
+def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetWindow:
+    """Return the rig's headset, open but for its first frame: at the OpenXR runtime, or a made-up one.
 
     Parameters
     ----------
@@ -94,9 +89,9 @@ def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetLink:
         from evenlight.hardware.simulated.headset import EYE_SIZE, SimulatedHeadset
 
         return SimulatedHeadset(eye_size or EYE_SIZE, rig.refresh_rate, real_time=waits)
-    from evenlight.hardware.presentation.openxr_link import OpenXRLink
+    from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
 
-    return OpenXRLink(eye_size)
+    return OpenXRHeadset(eye_size)
 
 
 def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, Display]:
@@ -109,7 +104,7 @@ def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, 
     InputError
         If the headset has a refresh rate that no display has.
     """
-    from evenlight.hardware.presentation.headset_link import centre_pixels_per_degree
+    from evenlight.hardware.presentation.headset_views import centre_pixels_per_degree
 
     if not SLOWEST_DISPLAY <= facts.refresh_rate <= FASTEST_DISPLAY:
         raise InputError(

@@ -19,6 +19,7 @@ import numpy as np
 import pytest
 import typer
 from _pytest.runner import runtestprotocol
+from example_tracks import example_track, header_of
 from hypothesis import settings
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
@@ -31,9 +32,7 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
     BudgetUnit,
-    TrackHeader,
     write_track,
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
@@ -223,12 +222,11 @@ def write_stimulus(
         loss=np.outer(one, at_half * (1 - knots) / 0.5), visible_contrast=one / 2, mean_luminance=full,
         channel_means=np.full((n, 3), 0.4), provenance=Provenance(),
     )  # fmt: skip
-    header = TrackHeader(
-        folder.name, display.name, display.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance(),
-        field_of_view=90.0 if is_sequence(folder.name) else None,
-    )  # fmt: skip
+    wide = 90.0 if is_sequence(folder.name) else None
+    header = header_of(display, video=folder.name, field_of_view=wide)
     loss = at_half * (1 - b) / 0.5
-    track = BrightnessTrack(times, b, loss, full * b, 0 * one, one, one, header)
+    columns = {"contrast_loss": loss, "mean_luminance": full * b, "rate_limit": one, "power": one}
+    track = example_track(b, frames_per_second, header, **columns)
     words = dict.fromkeys(
         ("rate_limit", "power_model", "limit_curve", "modulated", "contrast_model", "solver"), "x"
     )

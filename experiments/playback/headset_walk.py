@@ -13,7 +13,7 @@ from dataclasses import replace
 from evenlight.data_schema.recordings.rig import Eye
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer
 from evenlight.experiments.playback.walk import SPEED, Walk, Walker, along, moved
-from evenlight.hardware.presentation.headset_link import HeadsetFrame
+from evenlight.hardware.presentation.headset_views import HeadsetFrame
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.protocols import HeldKeys, KeyPress, Pointer
 from evenlight.stimuli.dithering import GRID_LEVELS

@@ -34,7 +34,6 @@ from evenlight.experiments.stage import (
     ShownInterval,
     Stage,
 )
-from evenlight.hardware.presentation.headset_link import HeadsetLink
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.protocols import KeyPress
@@ -84,7 +83,7 @@ def open_stage(
     display: Display,
     page_luminance: float,
     pages: Pages,
-    headset: HeadsetLink | None,
+    headset: HeadsetWindow | None,
 ) -> Iterator[tuple[Stage, PressKey | None]]:
     """Yield the stage of a session, and what presses the keys of a rehearsal; None where a person does.
 
@@ -100,7 +99,7 @@ def open_stage(
         Of the ground of pages [cd/m^2].
     pages : Pages
         What answers are called, in a headset.
-    headset : HeadsetLink or None
+    headset : HeadsetWindow or None
         The rig's, open; closed with the stage.
     """
     if staging.simulation == "data":

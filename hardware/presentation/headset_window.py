@@ -1,17 +1,21 @@
-"""A window in a headset: what is drawn for both eyes, with the times at which the runtime shows it."""
+"""A window in a headset: what is drawn for both eyes, with the times at which the runtime shows it.
+
+The seam between Evenlight and a runtime: `openxr_headset.OpenXRHeadset` talks to one, and
+`hardware.simulated.headset.SimulatedHeadset` stands in for it.
+"""
 
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from evenlight.data_schema.recordings.rig import Eye, Rig
-from evenlight.hardware.presentation.headset_link import (
+from evenlight.data_schema.recordings.rig import Eye
+from evenlight.hardware.presentation.headset_views import (
     HeadsetFacts,
     HeadsetFrame,
-    HeadsetLink,
     Pose,
     centre_pixels_per_degree,
 )
@@ -34,7 +38,7 @@ KEPT = 1 << 17  # frames that are noted until they are asked for: 20 minutes at 
 class ShownFrame:
     """A frame that was handed to the runtime."""
 
-    display_time: float  # when it appears, as the runtime predicts, on the link's clock [s]
+    display_time: float  # when it appears, as the runtime predicts, on the runtime's clock [s]
     period: float  # how long a frame lasts [s]
     late: int  # refreshes that passed without a new frame before it
     head: Pose  # predicted for that time
@@ -43,39 +47,43 @@ class ShownFrame:
     tracked: bool  # whether the head's orientation was known
 
 
-class HeadsetWindow(ContextDevice):
-    """A window whose back buffer holds the pictures of both eyes, side by side.
+class HeadsetWindow(ContextDevice, ABC):
+    """A headset, open: a window whose back buffer holds the pictures of both eyes, side by side.
 
-    Parameters
-    ----------
-    rig : Rig
-        Which eye counts.
-    link : HeadsetLink
-        The headset, open; closed with the window.
-    refresh_clock : RefreshClock, optional
-        A clock that goes with the flips, for a rehearsal; else time is the runtime's.
+    `begin` before anything is drawn or shown. What a headset is asked for is abstract: what its runtime says
+    of itself, frames between `begin_frame` and `end_frame`, and controllers.
 
     Raises
     ------
     InstrumentError
-        If the runtime goes away: here, and in `flip`.
+        If the runtime goes away: in `begin`, and in `flip`.
     """
 
-    def __init__(self, rig: Rig, link: HeadsetLink, refresh_clock: RefreshClock | None = None) -> None:
-        self._name = "headset"
-        self._rig, self._link, self._refresh_clock = rig, link, refresh_clock
+    mirror: MirrorWindow | None = None  # the operator's window, if there is one
+
+    def __init__(self) -> None:
         self._shown: deque[ShownFrame] = deque(maxlen=KEPT)
-        self._last: float | None = None  # when the last frame appeared, on the link's clock [s]
+        self._last: float | None = None  # when the last frame appeared, on the runtime's clock [s]
         self._drawn = False  # whether the frame's image was asked for
-        self._frame = link.begin_frame()
+        self._eye = Eye.LEFT
+        self._refresh_clock: RefreshClock | None = None
+
+    def begin(self, eye: Eye, refresh_clock: RefreshClock | None = None) -> None:
+        """Begin the first frame.
+
+        Parameters
+        ----------
+        eye : Eye
+            The one that counts.
+        refresh_clock : RefreshClock, optional
+            A clock that goes with the flips, for a rehearsal; else time is the runtime's.
+        """
+        self._eye, self._refresh_clock = eye, refresh_clock
+        self._frame = self.begin_frame()
 
     def size(self) -> tuple[int, int]:
         """Return width and height of the panel of pages [pixels]; not those of an eye's picture."""
         return PANEL_SIZE
-
-    def eye_size(self) -> tuple[int, int]:
-        """Return width and height of one eye's picture [pixels]."""
-        return self._link.eye_size()
 
     def bits(self) -> int:
         """Return the bits of each colour channel of what is shown."""
@@ -83,7 +91,7 @@ class HeadsetWindow(ContextDevice):
 
     def now(self) -> float:
         """Return the time on the window's clock [s]."""
-        return self._refresh_clock.now() if self._refresh_clock else self._link.now()
+        return self._refresh_clock.now() if self._refresh_clock else self.runtime_time()
 
     def due(self, period: float) -> float:
         """Return when what is drawn now will appear, as the runtime predicts; in a rehearsal, counted [s]."""
@@ -93,13 +101,9 @@ class HeadsetWindow(ContextDevice):
         """Return the views of the frame that is being drawn."""
         return self._frame
 
-    def context(self) -> moderngl.Context:
-        """Return the graphics context."""
-        return self._link.context()
-
     def framebuffer(self) -> moderngl.Framebuffer:
         """Return what the frame is drawn to, ready for it: the left eye in the left half."""
-        framebuffer = self._link.framebuffer()
+        framebuffer = self.picture()
         self._drawn = True
         width, height = self.eye_size()
         framebuffer.viewport = (0, 0, 2 * width, height)
@@ -112,12 +116,12 @@ class HeadsetWindow(ContextDevice):
         With a clock of refreshes that is the time counted.
         """
         if self._drawn and self.mirror is not None:
-            self.mirror.show(self._link.framebuffer(), self._rig.eye)
+            self.mirror.show(self.picture(), self._eye)
         shown = self._appears()
-        self._link.end_frame()
+        self.end_frame()
         self._note(shown)
         self._drawn = False
-        self._frame = self._link.begin_frame()
+        self._frame = self.begin_frame()
         return self._refresh_clock.advance() if self._refresh_clock else shown
 
     def shown_frames(self) -> list[ShownFrame]:
@@ -135,37 +139,19 @@ class HeadsetWindow(ContextDevice):
         import numpy as np
 
         width, height = self.eye_size()
-        framebuffer = self._link.framebuffer()
-        codes = np.frombuffer(framebuffer.read(components=3, alignment=1), dtype=np.uint8)
+        codes = np.frombuffer(self.picture().read(components=3, alignment=1), dtype=np.uint8)
         both = codes.reshape(height, 2 * width, 3)[::-1].astype(np.int64)
         if size is None:
             return both
         across, down = min(size[0], width), min(size[1], height)
-        left = (self._rig.eye is Eye.RIGHT) * width + (width - across) // 2
+        left = (self._eye is Eye.RIGHT) * width + (width - across) // 2
         top = (height - down) // 2
         return both[top : top + down, left : left + across]
 
-    def facts(self) -> HeadsetFacts:
-        """Return what the runtime says of the headset."""
-        return self._link.facts()
-
-    @property
-    def mirror(self) -> MirrorWindow | None:
-        """The operator's window, if there is one."""
-        return self._link.mirror
-
-    def focused(self) -> bool:
-        """Return whether the headset is worn, and nothing of the system in front."""
-        return self._link.focused()
-
     def presses(self) -> list[KeyPress]:
         """Return what was pressed on controllers since the last call, on the window's clock, in order."""
-        pressed = self._link.presses()
+        pressed = self.controller_presses()
         return [KeyPress(press.name, self.now()) for press in pressed] if self._refresh_clock else pressed
-
-    def stick(self) -> tuple[float, float]:
-        """Return how far the stick of a controller is pushed now: right and up, each from -1 to 1."""
-        return self._link.stick()
 
     def apparatus(self) -> dict[str, str]:
         """Return what the runtime says of itself, and how large the pictures are."""
@@ -174,7 +160,7 @@ class HeadsetWindow(ContextDevice):
             "runtime": facts.runtime,
             "system": facts.system,
             "eye_size": f"{width} x {height} pixels",
-            "eye_that_counts": self._rig.eye.value,
+            "eye_that_counts": self._eye.value,
             "eye_distance_mm": f"{1e3 * facts.eye_distance:.1f}",
             "refresh_rate_hz": f"{facts.refresh_rate:.3f}",
             "bits": str(BITS),
@@ -188,17 +174,69 @@ class HeadsetWindow(ContextDevice):
             said[f"pixels_per_degree_{eye.value}"] = (
                 f"{centre_pixels_per_degree(fov, width):.3f} at the centre"
             )
-        return {**said, **self._link.apparatus()}
+        return {**said, **self.versions()}
 
-    def close(self) -> None:
-        """Close the headset."""
-        super().close()
-        self._link.close()
+    @abstractmethod
+    def facts(self) -> HeadsetFacts:
+        """Return what the runtime says of the headset."""
+
+    @abstractmethod
+    def versions(self) -> dict[str, str]:
+        """Return what is behind the window, for a session's manifest: packages, graphics, controllers."""
+
+    @abstractmethod
+    def eye_size(self) -> tuple[int, int]:
+        """Return width and height of one eye's picture, as it is drawn [pixels]."""
+
+    @abstractmethod
+    def context(self) -> moderngl.Context:
+        """Return the graphics context."""
+
+    @abstractmethod
+    def runtime_time(self) -> float:
+        """Return the time on the clock of `HeadsetFrame.display_time` [s]."""
+
+    @abstractmethod
+    def begin_frame(self) -> HeadsetFrame:
+        """Wait until the next frame may be drawn, and return it.
+
+        While the headset is idle (nobody wears it, a system menu is in front) it returns frames that are not
+        visible, at about the refresh rate.
+
+        Raises
+        ------
+        InstrumentError
+            If the runtime went away, or ends the session.
+        """
+
+    @abstractmethod
+    def picture(self) -> moderngl.Framebuffer:
+        """Return the picture of the frame: twice an eye's width, the left eye in the left half."""
+
+    @abstractmethod
+    def end_frame(self) -> None:
+        """Hand the frame to the runtime, to be shown at its display time."""
+
+    @abstractmethod
+    def focused(self) -> bool:
+        """Return whether the headset is worn, and nothing of the system in front: controllers act then."""
+
+    @abstractmethod
+    def controller_presses(self) -> list[KeyPress]:
+        """Return what was pressed on controllers since the last call, on the runtime's clock, in order.
+
+        Names: trigger, menu, stick_left, stick_right, stick_up, stick_down; a stick counts once when it
+        leaves the middle.
+        """
+
+    @abstractmethod
+    def stick(self) -> tuple[float, float]:
+        """Return how far the stick of either controller is pushed now: right and up, each from -1 to 1."""
 
     def _appears(self) -> float:
         """Return when the frame being drawn will appear: as predicted, or, if that passed, periods later."""
         predicted, period = self._frame.display_time, self._frame.period
-        missed = math.ceil((self._link.now() - predicted) / period)
+        missed = math.ceil((self.runtime_time() - predicted) / period)
         return predicted + max(missed, 0) * period
 
     def _note(self, shown: float) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Eye
-from evenlight.hardware.presentation.headset_link import FRAMEBUFFER_SRGB
+from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB
 from evenlight.hardware.presentation.key_names import printed_name
 from evenlight.hardware.presentation.openxr_runtime import INSTALL, one_line
 from evenlight.hardware.protocols import ContextDevice, KeyPress
@@ -31,6 +31,7 @@ VERSIONS = (
     (3, 3),
 )  # of OpenGL, the first that there is; loss is counted on the graphics card from 4.3
 READ, DRAW, COLOUR, LINEAR = 0x8CA8, 0x8CA9, 0x4000, 0x2601  # of OpenGL
+GROUND, TEXT = 0.1, 0.9  # pixel values
 # Keys that print nothing, by their names in glfw and in rigs.
 PLACES = {
     "SPACE": "space", "ESCAPE": "escape", "ENTER": "return", "TAB": "tab", "BACKSPACE": "backspace",
@@ -42,21 +43,6 @@ PLACES = {
     **{f"F{number}": f"f{number}" for number in range(1, 13)},
     **{f"KP_{digit}": f"num_{digit}" for digit in range(10)},
 }  # fmt: skip
-STRIP_VERTEX = """#version 330
-uniform vec4 place;  // left, bottom, width, height, in the window's coordinates from -1 to 1
-out vec2 at;
-void main() {
-    vec2 corner = vec2(gl_VertexID & 1, gl_VertexID >> 1);
-    at = vec2(corner.x, 1.0 - corner.y);
-    gl_Position = vec4(place.xy + corner * place.zw, 0.0, 1.0);
-}
-"""
-STRIP_FRAGMENT = """#version 330
-uniform sampler2D coverage;
-in vec2 at;
-out vec4 colour;
-void main() { colour = vec4(vec3(mix(0.1, 0.9, texture(coverage, at).r)), 1.0); }
-"""
 
 
 def glfw_library(*, egl: bool) -> Any:
@@ -109,9 +95,7 @@ class MirrorWindow(ContextDevice):
         self._shown = -LONGEST_INTERVAL  # when the last picture was shown [s]
         self._pressed: list[KeyPress] = []
         self._held: dict[int, str] = {}  # names of keys that are down, by their place
-        self._strip: moderngl.Texture | None = None
-        self._program = self._context.program(vertex_shader=STRIP_VERTEX, fragment_shader=STRIP_FRAGMENT)
-        self._corners = self._context.vertex_array(self._program, [])
+        self._strip: moderngl.Framebuffer | None = None
         self._places = {getattr(self._glfw, f"KEY_{key}"): place for key, place in PLACES.items()}
         self._glfw.set_key_callback(self._window, self._take)  # glfw's module keeps hold of it
 
@@ -138,16 +122,18 @@ class MirrorWindow(ContextDevice):
         strip = height * STRIP_SIZE[1] // self._glfw.get_window_size(self._window)[1]
         half = framebuffer.width // 2
         left = half if eye is Eye.RIGHT else 0
+        source = (left, 0, left + half, framebuffer.height)
         screen = self._context.detect_framebuffer(0)
         screen.viewport = (0, 0, width, height)
         screen.use()
         self._context.disable_direct(FRAMEBUFFER_SRGB)  # the codes are shown as they are
-        screen.clear(0.1, 0.1, 0.1, 1.0)
-        self._draw_strip(height, strip)
-        self._bind(READ, framebuffer.glo)
+        screen.clear(GROUND, GROUND, GROUND, 1.0)
         self._bind(DRAW, screen.glo)
-        source = (left, 0, left + half, framebuffer.height)
-        self._blit(*source, *_fitted(source, (width, height), strip), COLOUR, LINEAR)
+        self._copy(framebuffer, source, _fitted(source, (width, height), strip))
+        if self._strip is not None:
+            wide, tall = self._strip.size
+            right, foot = wide * width // STRIP_SIZE[0], strip - tall * strip // STRIP_SIZE[1]
+            self._copy(self._strip, (0, 0, wide, tall), (0, foot, right, strip))
         self._glfw.swap_buffers(self._window)
         framebuffer.use()
 
@@ -161,11 +147,14 @@ class MirrorWindow(ContextDevice):
             no text.
         """
         if self._strip is not None:
+            self._strip.color_attachments[0].release()
             self._strip.release()
         self._strip = None
         if coverage is not None:
             height, width = coverage.shape
-            self._strip = self._context.texture((width, height), 1, coverage.tobytes(), alignment=1)
+            codes = (255 * GROUND + (TEXT - GROUND) * coverage[::-1]).round().astype("uint8")
+            picture = self._context.texture((width, height), 4, codes.repeat(4, axis=1).tobytes())
+            self._strip = self._context.framebuffer([picture])
 
     def pressed(self) -> list[KeyPress]:
         """Return the keys pressed since the last call, in order; return at once."""
@@ -213,14 +202,12 @@ class MirrorWindow(ContextDevice):
         loader: Any = _Loader(self._glfw)  # moderngl's own types know its loaders only
         return moderngl.create_context(context=loader, require=330)
 
-    def _draw_strip(self, height: int, strip: int) -> None:
-        if self._strip is None:
-            return
-        scale = 2 * strip / STRIP_SIZE[1] / height, 2 / STRIP_SIZE[0]
-        tall, wide = self._strip.height * scale[0], self._strip.width * scale[1]
-        self._program["place"] = (-1.0, 2 * strip / height - 1 - tall, wide, tall)
-        self._strip.use(0)
-        self._corners.render(self._context.TRIANGLE_STRIP, vertices=4)
+    def _copy(
+        self, source: moderngl.Framebuffer, part: tuple[int, int, int, int], place: tuple[int, int, int, int]
+    ) -> None:
+        """Copy a part of a picture to a place in the window: left, bottom, right, top [pixels]."""
+        self._bind(READ, source.glo)
+        self._blit(*part, *place, COLOUR, LINEAR)
 
     def _take(self, _: Any, key: int, code: int, action: int, __: int) -> None:
         """Note a key that went down or up; those that stay down repeat, which is no press."""

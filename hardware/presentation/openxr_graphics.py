@@ -10,7 +10,7 @@ import ctypes
 import sys
 from typing import TYPE_CHECKING, Any
 
-from evenlight.hardware.presentation.headset_link import FRAMEBUFFER_SRGB, SRGB8_ALPHA8
+from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB, SRGB8_ALPHA8
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 if TYPE_CHECKING:

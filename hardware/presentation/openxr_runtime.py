@@ -110,7 +110,6 @@ class OpenXRRuntime:
                 properties = xr.get_instance_properties(self.instance)
             self.name = f"{properties.runtime_name.decode()} ({properties.runtime_version})"
             with self.talking(), quiet_terminal():
-                self._ticks = _Ticks(xr, self.instance)
                 self.system_id = self._headset()
                 self.system = xr.get_system_properties(self.instance, self.system_id)
         except BaseException:
@@ -122,8 +121,17 @@ class OpenXRRuntime:
         return extension in self._offered
 
     def now(self) -> float:
-        """Return the time on the runtime's clock [s]."""
-        return self._ticks.now() * NANOSECOND
+        """Return the time on the runtime's clock [s]: the system's, as the runtime converts it."""
+        xr = self.xr
+        with self.talking():
+            if sys.platform == "win32":
+                counter = ctypes.c_int64()
+                ctypes.windll.kernel32.QueryPerformanceCounter(ctypes.byref(counter))
+                ticks = xr.convert_win32_performance_counter_to_time_khr(self.instance, counter)
+            else:
+                system = xr.timespec(*divmod(time.clock_gettime_ns(time.CLOCK_MONOTONIC), 1_000_000_000))
+                ticks = xr.convert_timespec_time_to_time_khr(self.instance, system)
+        return float(ticks.value * NANOSECOND)
 
     @contextmanager
     def talking(self) -> Iterator[None]:
@@ -176,42 +184,3 @@ class OpenXRRuntime:
                 "switch it on",
                 Fault.NOT_FOUND,
             ) from None
-
-
-class _Timespec(ctypes.Structure):
-    _fields_ = (("seconds", ctypes.c_int64), ("nanoseconds", ctypes.c_long))
-
-
-class _Ticks:
-    """The runtime's clock: the system's, as the runtime converts it."""
-
-    def __init__(self, xr: Any, instance: Any) -> None:
-        on_windows = sys.platform == "win32"
-        name = "xrConvertWin32PerformanceCounterToTimeKHR" if on_windows else "xrConvertTimespecTimeToTimeKHR"
-        address = ctypes.cast(xr.get_instance_proc_addr(instance, name), ctypes.c_void_p).value or 0
-        kind = ctypes.CFUNCTYPE(ctypes.c_int, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p)
-        self._convert, self._read = kind(address), _performance_counter if on_windows else _monotonic
-        self._instance = ctypes.cast(instance, ctypes.c_void_p)
-
-    def now(self) -> int:
-        """Return the time [ns]."""
-        result = ctypes.c_int64()
-        code = self._convert(
-            self._instance, ctypes.addressof(system := self._read()), ctypes.addressof(result)
-        )
-        del system
-        if code < 0:
-            raise InstrumentError(
-                f"the OpenXR runtime went away (its clock gives error {code})", Fault.DISCONNECTED
-            )
-        return result.value
-
-
-def _monotonic() -> _Timespec:
-    return _Timespec(*divmod(time.clock_gettime_ns(time.CLOCK_MONOTONIC), 1_000_000_000))
-
-
-def _performance_counter() -> ctypes.c_int64:
-    counter = ctypes.c_int64()
-    ctypes.windll.kernel32.QueryPerformanceCounter(ctypes.byref(counter))  # type: ignore[attr-defined,unused-ignore] # not on other systems
-    return counter

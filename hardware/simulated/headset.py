@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.presentation.headset_link import (
+from evenlight.hardware.presentation.headset_views import (
     SRGB8_ALPHA8,
     EyeFov,
     EyePose,
@@ -19,7 +19,8 @@ from evenlight.hardware.presentation.headset_link import (
     Pose,
     rotation,
 )
-from evenlight.hardware.protocols import ContextDevice, Fault, KeyPress
+from evenlight.hardware.presentation.headset_window import HeadsetWindow
+from evenlight.hardware.protocols import Fault, KeyPress
 
 if TYPE_CHECKING:
     import moderngl
@@ -63,7 +64,7 @@ class HeadsetScript:
     lost_at: int | None = None  # the frame at which the runtime goes away
 
 
-class SimulatedHeadset(ContextDevice):
+class SimulatedHeadset(HeadsetWindow):
     """A headset on an offscreen framebuffer, in place of one at an OpenXR runtime.
 
     Parameters
@@ -83,8 +84,6 @@ class SimulatedHeadset(ContextDevice):
         If the machine has no OpenGL 3.3.
     """
 
-    mirror = None
-
     def __init__(
         self,
         eye_size: tuple[int, int] = EYE_SIZE,
@@ -93,11 +92,12 @@ class SimulatedHeadset(ContextDevice):
         *,
         real_time: bool = False,
     ) -> None:
+        super().__init__()
         self._name = "simulated headset"
         self.script = script or HeadsetScript()
         self._eye_size, self._rate, self._real_time = eye_size, refresh_rate, real_time
         self._started = time.perf_counter()
-        self._frame = self._refresh = 0  # how many frames began, and the refresh at which the last one did
+        self._begun = self._refresh = 0  # how many frames began, and the refresh at which the last one did
         self._open = False  # whether a frame is being drawn
         self._pressed = 0
         self._context = _offscreen()
@@ -133,7 +133,7 @@ class SimulatedHeadset(ContextDevice):
         self._context.__enter__()  # type: ignore[no-untyped-call]  # moderngl does not say its types
         return self._context
 
-    def now(self) -> float:
+    def runtime_time(self) -> float:
         """Return the time since it was opened; without real time, that of the last frame's begin [s]."""
         return time.perf_counter() - self._started if self._real_time else self._refresh / self._rate
 
@@ -142,20 +142,20 @@ class SimulatedHeadset(ContextDevice):
         self._require_open()
         if self._open:
             raise self._error("a frame was begun before the last one ended")
-        if self.script.lost_at is not None and self._frame >= self.script.lost_at:
+        if self.script.lost_at is not None and self._begun >= self.script.lost_at:
             raise self._error("the runtime went away", Fault.DISCONNECTED)
-        self._refresh += self.script.dropped.get(self._frame, 0) + (self._frame > 0)
+        self._refresh += self.script.dropped.get(self._begun, 0) + (self._begun > 0)
         if self._real_time:
             self._wait()
         self.context()
         self._open = True
-        self._frame += 1
+        self._begun += 1
         return self._framed((self._refresh + AHEAD) / self._rate)
 
-    def framebuffer(self) -> moderngl.Framebuffer:
+    def picture(self) -> moderngl.Framebuffer:
         """Return what the frame is drawn to: both eyes side by side."""
         self._require_frame()
-        return self._images[self._frame % IMAGES]
+        return self._images[self._begun % IMAGES]
 
     def end_frame(self) -> None:
         """Show the frame to nobody."""
@@ -165,21 +165,21 @@ class SimulatedHeadset(ContextDevice):
 
     def focused(self) -> bool:
         """Return whether somebody wears it."""
-        return not _within(self.script.unfocused, self.now())
+        return not _within(self.script.unfocused, self.runtime_time())
 
-    def presses(self) -> list[KeyPress]:
+    def controller_presses(self) -> list[KeyPress]:
         """Return what was pressed on controllers since the last call."""
-        now, coming = self.now(), itertools.islice(self.script.presses, self._pressed, None)
+        now, coming = self.runtime_time(), itertools.islice(self.script.presses, self._pressed, None)
         due = list(itertools.takewhile(lambda press: press.time <= now, coming))
         self._pressed += len(due)
         return due if self.focused() else []
 
     def stick(self) -> tuple[float, float]:
         """Return how far the stick is pushed now."""
-        return self.script.stick(self.now()) if self.focused() else (0.0, 0.0)
+        return self.script.stick(self.runtime_time()) if self.focused() else (0.0, 0.0)
 
-    def apparatus(self) -> dict[str, str]:
-        """Return what it says of itself."""
+    def versions(self) -> dict[str, str]:
+        """Return what draws it."""
         info = self._context.info
         return {
             "headset": "simulated",
@@ -216,8 +216,8 @@ class SimulatedHeadset(ContextDevice):
 
     def _wait(self) -> None:
         """Wait for the refresh that is due, or take the next one if it has passed."""
-        self._refresh = max(self._refresh, math.ceil(self.now() * self._rate))
-        time.sleep(max(self._refresh / self._rate - self.now(), 0.0))
+        self._refresh = max(self._refresh, math.ceil(self.runtime_time() * self._rate))
+        time.sleep(max(self._refresh / self._rate - self.runtime_time(), 0.0))
 
     def _require_frame(self) -> None:
         if not self._open:

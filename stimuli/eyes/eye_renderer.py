@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
-from evenlight.hardware.presentation.headset_link import EyePose
+from evenlight.hardware.presentation.headset_views import EyePose
 from evenlight.stimuli.dithering import neighbouring_codes
 from evenlight.stimuli.eyes.surfaces import FlatScreen, Sphere, Surface, panel_matrix
 from evenlight.stimuli.field_renderer import CodeRenderer, Field

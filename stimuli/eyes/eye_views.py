@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from evenlight.hardware.presentation.headset_link import EyePose, HeadsetFrame, Pose, rotation
+from evenlight.hardware.presentation.headset_views import EyePose, HeadsetFrame, Pose, rotation
 from evenlight.stimuli.scenes.engine.camera import EyeView
 from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from evenlight.hardware.presentation.headset_link import EyePose, Pose, rotation
+from evenlight.hardware.presentation.headset_views import EyePose, Pose, rotation
 from evenlight.stimuli.scenes.engine.scene import Floats
 
 PANEL_DISTANCE = 1.5  # [m] ahead of the head: where most headsets' optics are sharp, or near it
@@ -101,7 +101,7 @@ def plane_matrix(
 
     A screen 90 degrees wide fills the picture of an eye that sees as much.
 
-    >>> from evenlight.hardware.presentation.headset_link import EyeFov
+    >>> from evenlight.hardware.presentation.headset_views import EyeFov
     >>> fov = EyeFov(*np.radians([-45.0, 45.0, 45.0, -45.0]))
     >>> matrix = plane_matrix(EyePose(Pose(), fov), (200, 200), Pose(), (1.5, 90.0), (100, 100))
     >>> (matrix / matrix[2, 2] @ (200.0, 100.0, 1.0)).round(9).tolist()  # the middle of the right edge
@@ -124,7 +124,7 @@ def plane_matrix(
 def direction_matrix(eye: EyePose, size: tuple[int, int]) -> Floats:
     """Return the matrix from pixels of an eye's picture to directions of their rays, (3, 3).
 
-    >>> from evenlight.hardware.presentation.headset_link import EyeFov
+    >>> from evenlight.hardware.presentation.headset_views import EyeFov
     >>> fov = EyeFov(*np.radians([-45.0, 45.0, 45.0, -45.0]))
     >>> (direction_matrix(EyePose(Pose(), fov), (200, 100)) @ (200.0, 50.0, 1.0)).round(9).tolist()
     [1.0, 0.0, -1.0]

@@ -8,25 +8,19 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import example_track
 
 from evenlight.analysis.tracks.optimization_job import clip_folder, start_factors, track_files
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    TrackHeader,
     write_track,
 )
 
 
 def write(folder: Path, factor: float) -> Path:
     """Write a track that begins with a factor and rises by 0.05 in each of 2 s."""
-    header = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    zero, times = np.zeros(3), np.arange(3.0)
-    track = BrightnessTrack(times, factor + 0.05 * times, zero, zero, zero, zero, zero, header)
     folder.mkdir(parents=True)
-    write_track(folder / "track.csv", track)
+    write_track(folder / "track.csv", example_track(factor + 0.05 * np.arange(3), 1.0))
     return folder / "track.csv"
 
 

@@ -6,6 +6,7 @@ from types import ModuleType, SimpleNamespace
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 
 from evenlight.analysis.judgement.judgement import (
     JudgedTrack,
@@ -24,20 +25,17 @@ from evenlight.analysis.report import report_html
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.tracks.judgement import Judgement
 from evenlight.method.contrast.measures import COUNTED, MEASURES
 from evenlight.stimuli.video.frames_in_memory import FramesInMemory
 
 LAB = Display("lab", 100.0, 1.0, 2.0, pixels_per_degree=20.0, reflected_luminance=3.0)
 ORIGIN = provenance_now()
-HEADER = TrackHeader("clip", "lab", LAB.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "splitting", ORIGIN)
+HEADER = header_of(LAB, video="clip", provenance=ORIGIN)
 
 
 def track_of(factors, rate=25.0, header=HEADER):
-    factors = np.asarray(factors, dtype=float)
-    still = np.zeros(len(factors))
-    return BrightnessTrack(np.arange(len(factors)) / rate, factors, still, still, still, still, still, header)
+    return example_track(factors, rate, header)
 
 
 def judged_with(factors, rate=25.0, shape=(9, 16, 3)):

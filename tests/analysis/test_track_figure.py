@@ -11,6 +11,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 import pytest
+from example_tracks import HEADER, example_track
 from made_summary import made_summary
 from matplotlib.figure import Figure
 from matplotlib.image import imread
@@ -27,8 +28,6 @@ from evenlight.analysis.figure_style import (
 )
 from evenlight.analysis.tracks.frame_samples import dimmed_picture
 from evenlight.analysis.tracks.track_figure import DrawnTrack, rate_shares, track_figure
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 
 
 def data(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) -> DrawnTrack:
@@ -44,15 +43,14 @@ def data(n: int = 30, video: str = "made", pictures: int = 3, **columns: Any) ->
         "power": np.full(n, 1.0),
         **columns,
     }
-    header = TrackHeader(
-        video, "varjo-xr3", "f", "surace2025", "surace2025", 0.5, BudgetUnit.FACTOR, "splitting", Provenance()
-    )
+    names = {"display_name": "varjo-xr3", "power_model": "surace2025", "rate_limit": "surace2025"}
+    header = dataclasses.replace(HEADER, video=video, **names)
     picture = np.full((9, 16, 3), 128, np.uint8)
     chosen = sorted({int(k) for k in np.linspace(0, n - 1, pictures)}) if pictures else []
     thumbnails = tuple((k, picture) for k in chosen)
     constant = 0.3 + 0.05 * np.sin(steps / 2)
     summary = made_summary(objective=0.01, objective_baseline=0.02)
-    return DrawnTrack(BrightnessTrack(**given, header=header), summary, constant, thumbnails)
+    return DrawnTrack(example_track(**given, header=header), summary, constant, thumbnails)
 
 
 def told(given: DrawnTrack, **changed: Any) -> DrawnTrack:

@@ -5,15 +5,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from example_tracks import example_track, header_of
 
 from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
     BudgetUnit,
-    TrackHeader,
     write_track,
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
@@ -32,12 +31,9 @@ def results(folder: Path, **changes: Any) -> Path:
     loss = np.array([0.0, 0.1, 0.2, 0.4])
     origin = Provenance()
     display = Display("bench", 104.4, 0.2, 1.95, 72.28)
-    header = TrackHeader(
-        "v", "bench", display.fingerprint, "panel", "limit", 0.6, BudgetUnit.FACTOR, "s", origin
-    )
-    factors, rest = np.full(4, 0.6), [np.full(4, value) for value in (20.0, 0.0, 2.0, 0.5)]
-    times = np.arange(4) * 0.04
-    write_track(folder / "track.csv", BrightnessTrack(times, factors, loss, *rest, header=header))
+    header = header_of(display, power_model="panel", rate_limit="limit", budget=0.6, solver="s")
+    columns = {"contrast_loss": loss, "mean_luminance": 20.0, "rate_limit": 2.0, "power": 0.5}
+    write_track(folder / "track.csv", example_track(np.full(4, 0.6), header=header, **columns))
     required = (f.name for f in dataclasses.fields(OptimizationSummary) if f.default is dataclasses.MISSING)
     values: dict[str, Any] = dict.fromkeys(required, 0.5) | {
         "video": "v",
@@ -74,7 +70,7 @@ def results(folder: Path, **changes: Any) -> Path:
     }
     write_json_record(folder / "summary.json", OptimizationSummary(**(values | changes)))
     curves = LossCurves(
-        "v", display, times, np.full(4, 0.04), np.array([0.2, 1.0]), np.zeros((4, 2)),
+        "v", display, np.arange(4) * 0.04, np.full(4, 0.04), np.array([0.2, 1.0]), np.zeros((4, 2)),
         np.full(4, 0.5), np.full(4, 20.0), np.full((4, 3), 0.2), origin,
     )  # fmt: skip
     write_loss_curves(folder / "loss_curves.npz", curves)

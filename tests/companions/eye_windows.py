@@ -9,7 +9,7 @@ from turned_heads import WIDE
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Dither
-from evenlight.hardware.presentation.headset_link import EyeFov, EyePose, HeadsetFrame, Pose
+from evenlight.hardware.presentation.headset_views import EyeFov, EyePose, HeadsetFrame, Pose
 from evenlight.stimuli.eyes.eye_renderer import EyeFieldRenderer, EyeImageRenderer
 from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.field_renderer import Field

@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from evenlight.hardware.presentation.headset_link import EyeFov, EyePose, HeadsetFrame, Pose
+from evenlight.hardware.presentation.headset_views import EyeFov, EyePose, HeadsetFrame, Pose
 from evenlight.stimuli.scenes.engine.camera import EyeView
 
 # As headsets have them: an eye sees farther away from the nose, and farther down than up.

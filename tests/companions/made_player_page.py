@@ -12,6 +12,7 @@ from typing import Any
 import av
 import numpy as np
 from browser_pages import Browser
+from example_tracks import example_track, header_of
 from made_summary import made_summary
 from PIL import Image
 from selenium.webdriver import ActionChains
@@ -20,8 +21,7 @@ from evenlight.analysis.player.player_page import PlayerContent
 from evenlight.analysis.player.proxy_video import Proxy, Tiles
 from evenlight.analysis.tracks.track_figure import DrawnTrack
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 
 N, WIDTH, HEIGHT, GAMMA, CONSTANT = 40, 96, 64, 1.95, 0.5
 NAME = "a <b>film</b> & </script>.mp4"
@@ -36,14 +36,12 @@ FACTORS = 0.5 + 0.3 * np.sin(STEPS / 6)
 
 def made_track() -> BrightnessTrack:
     """A track with every column of its own shape."""
-    header = TrackHeader(
-        NAME, "made", DISPLAY.fingerprint, "made", "made", 0.5, BudgetUnit.FACTOR, "splitting", Provenance()
-    )
-    return BrightnessTrack(
+    header = header_of(DISPLAY, video=NAME, power_model="made", rate_limit="made")
+    return example_track(
+        FACTORS,
         times=TIMES,
-        factors=FACTORS,
         contrast_loss=0.2 + 0.1 * np.cos(STEPS / 4),
-        mean_luminance=np.full(N, 10.0),
+        mean_luminance=10.0,
         rate=np.append(4 * np.diff(FACTORS), 0.0),
         rate_limit=1.5 + 0.3 * np.cos(STEPS / 3),
         power=1 + 0.2 * np.sin(STEPS / 6),

@@ -15,7 +15,7 @@ import pytest
 from evenlight.data_schema.display import Display
 from evenlight.experiments.playback.clip_feeds import EyeSceneFeed
 from evenlight.experiments.playback.player import Dimming, Pass, Playback, PlaybackDevices, Player
-from evenlight.hardware.presentation.headset_link import HeadsetFrame
+from evenlight.hardware.presentation.headset_views import HeadsetFrame
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.method.contrast.luminance import displayed_luminance, drawn_luminance
 from evenlight.stimuli.eyes.eye_views import eye_views

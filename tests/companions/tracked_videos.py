@@ -7,12 +7,10 @@ from pathlib import Path
 import av
 import numpy as np
 from av.video.frame import VideoFrame
+from example_tracks import example_track, header_of
 
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    TrackHeader,
     write_track,
 )
 from evenlight.method.preset_files import load_display
@@ -34,15 +32,11 @@ def track_of(video: Path | str, folder: Path, factors: Sequence[float] | None = 
     else:
         times = np.array([frame.time for frame in source.frames()])
     b = np.linspace(0.4, 0.7, count) if factors is None else np.asarray(factors)
-    nothing = np.zeros(count)
-    header = TrackHeader(
-        source.name, DISPLAY.name, DISPLAY.fingerprint, "none", "none", 0.5, BudgetUnit.FACTOR, "none",
-        provenance_now(inputs={"video": source.sha256()}), display=DISPLAY,
-    )  # fmt: skip
+    made = provenance_now(inputs={"video": source.sha256()})
+    header = header_of(DISPLAY, video=source.name, provenance=made, display=DISPLAY)
     rate = np.append(np.sign(np.diff(b)), 0.0)
     folder.mkdir(parents=True, exist_ok=True)
-    track = BrightnessTrack(times, b, nothing, nothing, rate, nothing, nothing, header)
-    write_track(folder / "track.csv", track)
+    write_track(folder / "track.csv", example_track(b, times=times, rate=rate, header=header))
     return b
 
 

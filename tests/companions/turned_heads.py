@@ -2,7 +2,7 @@
 
 import math
 
-from evenlight.hardware.presentation.headset_link import EyeFov
+from evenlight.hardware.presentation.headset_views import EyeFov
 
 WIDE = EyeFov(-math.pi / 4, math.pi / 4, math.pi / 4, -math.pi / 4)
 OUTWARDS = EyeFov(math.radians(-50), math.radians(40), math.radians(35), math.radians(-45))

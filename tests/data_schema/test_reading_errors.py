@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import HEADER, example_track
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -20,9 +21,6 @@ from evenlight.data_schema.storage.text_files import read_json_record, read_toml
 from evenlight.data_schema.threshold import Threshold
 from evenlight.data_schema.tracks.brightness_track import (
     TRACK_COLUMNS,
-    BrightnessTrack,
-    BudgetUnit,
-    TrackHeader,
     read_track,
     write_track,
 )
@@ -262,10 +260,9 @@ def test_an_empty_table_is_no_table_but_one_without_rows_is(tmp_path: Path) -> N
 @pytest.fixture
 def track_file(tmp_path: Path) -> Path:
     """A track of three frames: 0, 0, 1.0, ... 1, 0.04, 0.9, ... 2, 0.08, 0.8, ..."""
-    header = TrackHeader("v", "d", "f", "p", "r", 0.9, BudgetUnit.FACTOR, "s", Provenance())
-    numbers = [np.array([0.0, 0.04, 0.08]), np.array([1.0, 0.9, 0.8])]
-    rest = [np.full(3, value) for value in (0.25, 20.0, -1.5, 2.5, 0.125)]
-    write_track(tmp_path / "track.csv", BrightnessTrack(*numbers, *rest, header=header))
+    header = replace(HEADER, budget=0.9)
+    columns = {"contrast_loss": 0.25, "mean_luminance": 20.0, "rate": -1.5, "rate_limit": 2.5, "power": 0.125}
+    write_track(tmp_path / "track.csv", example_track([1.0, 0.9, 0.8], header=header, **columns))
     return tmp_path / "track.csv"
 
 

@@ -6,10 +6,12 @@ import pickle
 import re
 import typing
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import example_track
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -26,8 +28,6 @@ from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
-    BudgetUnit,
-    TrackHeader,
 )
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 
@@ -267,17 +267,8 @@ def test_the_columns_of_a_track_are_equally_long() -> None:
 
 def track(**changes: Any) -> BrightnessTrack:
     """A track of two frames, with what a test wants to be otherwise."""
-    header = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    columns = {
-        "times": np.array([0.0, 0.04]),
-        "factors": np.array([0.5, 0.5]),
-        "contrast_loss": np.zeros(2),
-        "mean_luminance": np.full(2, 20.0),
-        "rate": np.zeros(2),
-        "rate_limit": np.ones(2),
-        "power": np.ones(2),
-    }
-    return BrightnessTrack(**(columns | changes), header=header)
+    made = example_track([0.5, 0.5], mean_luminance=20.0, rate_limit=1.0, power=1.0)
+    return replace(made, **changes)
 
 
 def test_records_of_many_numbers_print_in_one_line() -> None:

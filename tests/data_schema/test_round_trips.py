@@ -2,11 +2,13 @@
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import example_track
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from made_summary import made_summary
@@ -25,7 +27,6 @@ from evenlight.data_schema.storage.text_files import write_json_record, write_to
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
-    BudgetUnit,
     TrackHeader,
     read_track,
     write_track,
@@ -128,9 +129,7 @@ def test_arrays_of_a_record_are_copies_that_cannot_be_written_to() -> None:
 
 
 def _two_frames(factors: Any) -> BrightnessTrack:
-    header = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    rest = [np.zeros(2)] * 5
-    return BrightnessTrack(np.array([0.0, 0.04]), factors, *rest, header=header)
+    return replace(example_track([1.0, 1.0]), factors=factors)
 
 
 # --- kinds of file

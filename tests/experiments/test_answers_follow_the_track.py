@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 from numpy.typing import ArrayLike
 
 from evenlight.data_schema.arrays import Array
@@ -19,7 +20,6 @@ from evenlight.data_schema.recordings.assumed_effect import CHOSEN, CHOSEN_UNMAS
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import SearchDesign
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign, Stimulus, Version
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
 from evenlight.experiments.sessions.search_stage import RingPicture
 from evenlight.experiments.stimulus_folder import LoadedStimulus
@@ -57,16 +57,14 @@ def shown(tmp_path: Path, make_curves: Callable[..., LossCurves]) -> Callable[..
         factors: ArrayLike, baseline: float, full: ArrayLike = 50.0, strength: ArrayLike = 0.1
     ) -> LoadedStimulus:
         b = np.asarray(factors, dtype=float)
-        n, zero = b.size, np.zeros(b.size)
+        n = b.size
         curves = make_curves(np.broadcast_to(strength, n), luminance=full, frames_per_second=RATE)
         folder = tmp_path / f"{len(list(tmp_path.iterdir()))}"
         folder.mkdir()
         write_loss_curves(folder / "loss_curves.npz", curves)
-        header = TrackHeader(
-            "walk", XR3.name, XR3.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance()
-        )
         light = b * full + XR3.reflected_luminance
-        track = BrightnessTrack(np.arange(n) / RATE, b, zero, light, zero, zero + 1, zero + 1, header)
+        header = header_of(XR3, video="walk")
+        track = example_track(b, RATE, header, mean_luminance=light, rate_limit=1.0, power=1.0)
         about = Stimulus("walk", "", "0" * 64, n, n / RATE, float(b.mean()), baseline)
         return LoadedStimulus(about, folder, track)
 

@@ -4,13 +4,13 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 from scipy import special
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
 from evenlight.experiments.viewing.brightness_changes import (
     LuminanceCourse,
@@ -35,10 +35,9 @@ RATE = 25.0  # [Hz] frames
 
 
 def track(times: Array, factors: Array, full: Array, display: Display = LAB) -> BrightnessTrack:
-    header = TrackHeader("v", "lab", LAB.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    zero = np.zeros(len(times))
     dimmed = factors * full + display.reflected_luminance
-    return BrightnessTrack(times, factors, zero, dimmed, zero, zero + 1, zero + 1, header)
+    columns = {"times": times, "mean_luminance": dimmed, "rate_limit": 1.0, "power": 1.0}
+    return example_track(factors, header=header_of(LAB), **columns)
 
 
 def course_of(

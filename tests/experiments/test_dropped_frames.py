@@ -8,6 +8,7 @@ from pathlib import Path
 import conducted_sessions as course
 import numpy as np
 import pytest
+from example_tracks import example_track
 from ramp_tasks import ramp_task
 
 from evenlight.data_schema.errors import InputError
@@ -15,7 +16,6 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.ramp import IntervalGap, Procedure, RampDesign, TrialFlag
 from evenlight.data_schema.recordings.session import EventKind, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.viewing import RatingDesign, Stimulus
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.experiments.run_command import _close
 from evenlight.experiments.run_session import SessionOutcome
 from evenlight.experiments.sessions.dropped_frames import FrameDemand, require_few_drops, too_many_flagged
@@ -182,9 +182,7 @@ class Cinema(course.Stage):
 
 def rating(tmp_path: Path, *, simulated: bool) -> RatingTask:
     """A session with one sequence of 10 s at 1 Hz, at full brightness."""
-    ones = np.ones(10)
-    header = TrackHeader("v", "lab", "0" * 64, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    track = BrightnessTrack(np.arange(10.0), ones, 0 * ones, 10 * ones, 0 * ones, ones, ones, header)
+    track = example_track(np.ones(10), 1.0, mean_luminance=10.0, rate_limit=1.0, power=1.0)
     stimulus = LoadedStimulus(Stimulus("v", "", "0" * 64, 10, 10.0, 1.0, 0.5), tmp_path, track)
     manifest = SessionManifest(
         "01", "01", "rating", simulated, SessionStatus.RUNNING, 2, course.DISPLAY, RatingDesign(("v",)),

@@ -6,13 +6,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.experiments.follow.limited_backlight import film_light, track_rate_limit
 from evenlight.method.preset_files import load_display, load_rate_limit
@@ -23,17 +24,9 @@ FLAT = RateLimit("flat", "d", "", RateLimitForm.RATE, (2.0,), (1e-3, 1000.0))  #
 def a_track(**changed: Any) -> BrightnessTrack:
     """Two frames of 50 and 60 cd/m^2 at full brightness, at 0.5 and 0.6, with 4 cd/m^2 of reflected light."""
     display = replace(load_display("varjo-xr3"), reflected_luminance=4.0)
-    header = TrackHeader(
-        "v", display.name, display.fingerprint, "p", "surace2025", 0.5, BudgetUnit.FACTOR, "s", Provenance(),
-        display=display,
-    )  # fmt: skip
-    zeros = np.zeros(2)
+    header = header_of(display, rate_limit="surace2025", display=display)
     columns = {"rate": np.array([0.1 * 55 / 0.04, 0.0]), "header": header} | changed
-    seen = np.array([0.5 * 50 + 4, 0.6 * 60 + 4])
-    return BrightnessTrack(
-        times=np.array([0.0, 0.04]), factors=np.array([0.5, 0.6]), contrast_loss=zeros, mean_luminance=seen,
-        rate_limit=zeros, power=zeros, **columns,
-    )  # fmt: skip
+    return example_track([0.5, 0.6], mean_luminance=[0.5 * 50 + 4, 0.6 * 60 + 4], **columns)
 
 
 def test_the_luminance_is_what_the_frame_emits_at_full_brightness_or_that_of_white() -> None:

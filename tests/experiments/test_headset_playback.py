@@ -25,7 +25,7 @@ from evenlight.experiments.playback.player import (
     write_log,
 )
 from evenlight.experiments.playback.screen_geometry import ScreenGeometry
-from evenlight.hardware.presentation.headset_link import Pose
+from evenlight.hardware.presentation.headset_views import Pose
 from evenlight.hardware.presentation.headset_window import HeadsetWindow, ShownFrame
 from evenlight.hardware.protocols import KeyPress
 from evenlight.hardware.rig_files import load_rig

@@ -28,7 +28,7 @@ from evenlight.experiments.run_session import SessionOutcome, SessionRequest, ru
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.staging import Staging
-from evenlight.hardware.presentation.headset_link import EyeFov, HeadsetFacts, centre_pixels_per_degree
+from evenlight.hardware.presentation.headset_views import EyeFov, HeadsetFacts, centre_pixels_per_degree
 from evenlight.hardware.protocols import InstrumentError, KeyPress
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset, gentle_motion

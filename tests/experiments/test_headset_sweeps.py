@@ -13,7 +13,6 @@ from evenlight.data_schema.recordings.sweep import LuminanceSweepDesign
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.experiments.sweeps.run_sweep import SweepRequest, run_sweep
 from evenlight.experiments.sweeps.sweep_devices import SweepLevel, SweepScreen
-from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset
 
@@ -30,11 +29,12 @@ RIG = Rig(
 )
 
 
-class Codes(HeadsetWindow):
-    """A window that keeps the codes of each frame that is handed over."""
+class Codes(SimulatedHeadset):
+    """A headset that keeps the codes of each frame that is handed over."""
 
     def __init__(self, script: HeadsetScript | None = None) -> None:
-        super().__init__(RIG, SimulatedHeadset((32, 32), 90.0, script, real_time=True))
+        super().__init__((32, 32), 90.0, script, real_time=True)
+        self.begin(RIG.eye)
         self.codes: list[np.ndarray] = []
 
     def flip(self) -> float:

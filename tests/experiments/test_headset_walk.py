@@ -21,7 +21,7 @@ from evenlight.experiments.playback.loss_meters import LossMeter
 from evenlight.experiments.playback.play_options import LiveOptions, WalkOptions
 from evenlight.experiments.playback.walk import SPEED, Walk, Walker
 from evenlight.experiments.playback.walk_request import walk_as_asked
-from evenlight.hardware.presentation.headset_link import HeadsetFrame, Pose
+from evenlight.hardware.presentation.headset_views import HeadsetFrame, Pose
 from evenlight.hardware.protocols import InstrumentError, KeyPress
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset

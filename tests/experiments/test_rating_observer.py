@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import special
@@ -12,7 +13,6 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.viewing import Stimulus, Version
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.experiments.viewing.rating_observer import (
@@ -161,9 +161,7 @@ def loaded(folder: Path, factors: list[float], at_half: list[float], baseline: f
     """Return a stimulus whose loss curves lie in a folder, and which was not read from there."""
     write_loss_curves(folder / "loss_curves.npz", curves(at_half, [0.5] * len(at_half)))
     n, b = len(factors), np.array(factors)
-    header = TrackHeader("v", "lab", LAB.fingerprint, "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    zero = np.zeros(n)
-    track = BrightnessTrack(np.arange(n) * 1.0, b, zero, 10 * b, zero, zero + 1, zero + 1, header)
+    track = example_track(b, 1.0, header_of(LAB), mean_luminance=10 * b, rate_limit=1.0, power=1.0)
     stimulus = Stimulus("v", "", "0" * 64, n, float(n), float(b.mean()), baseline)
     return LoadedStimulus(stimulus, folder, track)
 

@@ -5,13 +5,12 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from example_tracks import HEADER
 
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     BudgetUnit,
-    TrackHeader,
     read_track,
     write_track,
 )
@@ -133,7 +132,7 @@ def test_files_give_back_every_bit(make_curves, tmp_path) -> None:
     again = read_loss_curves(tmp_path / "curves.npz")
     for name in ("times", "durations", "factors", "loss", "visible_contrast", "mean_luminance"):
         np.testing.assert_array_equal(getattr(again, name), getattr(curves, name))
-    header = TrackHeader("v", "d", "f", "p", "r", 1 / 3, BudgetUnit.FACTOR, "s", Provenance())
+    header = replace(HEADER, budget=1 / 3)
     factors = np.maximum(odd, 1e-3)
     rate = np.append(np.diff(factors), 0.0) / 3
     track = BrightnessTrack(86_400 + np.arange(24) / 240, factors, odd, 1e4 * odd, rate, odd, odd, header)

@@ -14,7 +14,7 @@ from evenlight.experiments.recordings import Refreshes
 from evenlight.hardware import headset_facts
 from evenlight.hardware import rig_windows as rigs
 from evenlight.hardware.presentation import headset_window
-from evenlight.hardware.presentation.headset_link import (
+from evenlight.hardware.presentation.headset_views import (
     EyeFov,
     EyePose,
     HeadsetFacts,
@@ -45,28 +45,27 @@ class Framebuffer:
         pass
 
 
-class Link:
-    """A link whose clock and predictions are those of lists."""
-
-    mirror: Any = None
+class Headset(HeadsetWindow):
+    """A headset whose clock and predictions are those of lists."""
 
     def __init__(self, predictions: list[float], period: float = 0.02) -> None:
+        super().__init__()
         self._predictions, self._period = predictions, period
         self.time, self.done, self.closed = 0.0, [], False
-
-    def __enter__(self) -> "Link":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self.close()
 
     def facts(self) -> HeadsetFacts:
         return FACTS
 
+    def versions(self) -> dict[str, str]:
+        return {"api": "1.1"}
+
     def eye_size(self) -> tuple[int, int]:
         return 900, 800
 
-    def now(self) -> float:
+    def context(self) -> Any:
+        raise AssertionError("nothing is drawn")
+
+    def runtime_time(self) -> float:
         return self.time
 
     def begin_frame(self) -> HeadsetFrame:
@@ -75,7 +74,7 @@ class Link:
             raise InstrumentError("headset: the runtime went away")
         return HeadsetFrame(self._predictions.pop(0), self._period, (EYE, EYE), Pose(), True, True)
 
-    def framebuffer(self) -> Framebuffer:
+    def picture(self) -> Any:
         return Framebuffer()
 
     def end_frame(self) -> None:
@@ -84,14 +83,20 @@ class Link:
     def focused(self) -> bool:
         return True
 
-    def presses(self) -> list[KeyPress]:
+    def controller_presses(self) -> list[KeyPress]:
         return [KeyPress("trigger", 7.5)]
 
-    def apparatus(self) -> dict[str, str]:
-        return {"api": "1.1"}
+    def stick(self) -> tuple[float, float]:
+        return 0.0, 0.0
 
     def close(self) -> None:
         self.closed = True
+
+
+def opened(predictions: list[float], **begun: Any) -> Headset:
+    headset = Headset(predictions)
+    headset.begin(**{"eye": RIG.eye} | begun)
+    return headset
 
 
 class Mirror:
@@ -109,7 +114,7 @@ class Mirror:
 
 
 def test_what_is_drawn_appears_when_the_runtime_predicts_it_and_the_flip_says_so() -> None:
-    window = HeadsetWindow(RIG, Link([0.04, 0.06, 0.12, 0.14]))
+    window = opened([0.04, 0.06, 0.12, 0.14])
     due = []
     for _ in range(3):
         due.append(window.due(1 / 50))
@@ -123,9 +128,8 @@ def test_what_is_drawn_appears_when_the_runtime_predicts_it_and_the_flip_says_so
 
 def test_a_frame_that_was_drawn_for_too_long_appears_whole_periods_after_its_prediction() -> None:
     """Predicted for 0.04 s and handed over at 0.1 s: at the refresh of 0.1 s; the next one follows it."""
-    link = Link([0.04, 0.12, 0.14])
-    window = HeadsetWindow(RIG, link)
-    link.time = 0.09
+    window = opened([0.04, 0.12, 0.14])
+    window.time = 0.09
     assert window.due(0.02) == pytest.approx(0.10)
     assert window.flip() == pytest.approx(0.10)
     window.flip()
@@ -133,7 +137,7 @@ def test_a_frame_that_was_drawn_for_too_long_appears_whole_periods_after_its_pre
 
 
 def test_times_of_refreshes_are_those_of_the_predictions() -> None:
-    window = HeadsetWindow(RIG, Link([5.04, 5.06, 5.12, 5.14]))
+    window = opened([5.04, 5.06, 5.12, 5.14])
     refreshes, due = Refreshes(50.0), []
     for time in refreshes.due(window):
         due.append(time)
@@ -146,7 +150,7 @@ def test_times_of_refreshes_are_those_of_the_predictions() -> None:
 
 
 def test_in_a_rehearsal_time_is_counted_and_the_frames_keep_the_runtimes_times() -> None:
-    window = HeadsetWindow(RIG, Link([3.04, 3.10, 3.12]), RefreshClock(50.0))
+    window = opened([3.04, 3.10, 3.12], refresh_clock=RefreshClock(50.0))
     assert (window.now(), window.due(0.02)) == (0.0, 0.02)
     assert (window.flip(), window.flip()) == (0.02, 0.04)
     assert [(frame.display_time, frame.late) for frame in window.shown_frames()] == [(3.04, 0), (3.10, 2)]
@@ -154,13 +158,12 @@ def test_in_a_rehearsal_time_is_counted_and_the_frames_keep_the_runtimes_times()
 
 
 def test_the_mirror_shows_the_eye_that_counts_before_the_frame_is_handed_over() -> None:
-    link = Link([0.04, 0.06, 0.08])
-    link.mirror = Mirror(link.done)
-    window = HeadsetWindow(dataclasses.replace(RIG, eye=Eye.RIGHT), link)
+    window = opened([0.04, 0.06, 0.08], eye=Eye.RIGHT)
+    window.mirror = Mirror(window.done)
     window.framebuffer()
     window.flip()
     window.flip()  # of which nothing was drawn
-    assert link.done == ["begin", "show right", "end", "begin", "end", "begin"]
+    assert window.done == ["begin", "show right", "end", "begin", "end", "begin"]
     keyboard, held = rigs.open_keyboard(window), rigs.open_held_keys(window)
     assert keyboard.pressed() == [KeyPress("f1", 1.0)]
     assert held.held() == {"w"}
@@ -168,7 +171,7 @@ def test_the_mirror_shows_the_eye_that_counts_before_the_frame_is_handed_over() 
 
 
 def test_without_a_mirror_no_keys_are_pressed() -> None:
-    window = HeadsetWindow(RIG, Link([0.04]))
+    window = opened([0.04])
     keyboard = rigs.open_keyboard(window)
     assert (keyboard.pressed(), keyboard.held(), keyboard.apparatus()) == (
         [],
@@ -197,14 +200,14 @@ def test_both_eyes_are_drawn_side_by_side_and_read_back_with_the_upper_row_first
 
 
 def test_pages_have_a_panel_of_their_own_size() -> None:
-    window = HeadsetWindow(RIG, Link([0.04]))
+    window = opened([0.04])
     assert window.size() == PANEL_SIZE
     assert window.eye_size() == (900, 800)
     assert window.bits() == 8
 
 
 def test_the_apparatus_tells_runtime_eyes_and_pixels_per_degree() -> None:
-    said = HeadsetWindow(RIG, Link([0.04])).apparatus()
+    said = opened([0.04]).apparatus()
     assert said["system"] == "a headset"
     assert said["eye_size"] == "900 x 800 pixels"
     assert said["eye_that_counts"] == "left"
@@ -237,7 +240,7 @@ def test_a_refresh_rate_that_no_display_has_is_told_in_one_line(rate: float) -> 
 
 def test_frames_that_nobody_asks_for_are_not_kept_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(headset_window, "KEPT", 3)
-    window = HeadsetWindow(RIG, Link([0.04, 0.06, 0.08, 0.10, 0.12, 0.14]))
+    window = opened([0.04, 0.06, 0.08, 0.10, 0.12, 0.14])
     for _ in range(5):
         window.flip()
     assert [frame.display_time for frame in window.shown_frames()] == [0.08, 0.10, 0.12]
@@ -247,8 +250,8 @@ def test_refreshes_without_a_frame_are_counted_by_the_displays_rate_not_by_a_slo
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """At 50 Hz, 40 ms from one to the next: each frame but the first one is a refresh late."""
-    link = Link([1.0, 1.04, 1.08, 1.12], period=0.04)
-    monkeypatch.setattr(headset_facts, "open_headset", lambda _: link)
+    headset = Headset([1.0, 1.04, 1.08, 1.12], period=0.04)
+    monkeypatch.setattr(headset_facts, "open_headset", lambda _: headset)
     *said, timed = headset_facts.measure_headset(RIG, 3)
     assert timed == (
         "3 frames, 3 of them shown: 40.00 ms from one to the next (25.00 Hz), 2 refreshes without a new one"
@@ -256,14 +259,14 @@ def test_refreshes_without_a_frame_are_counted_by_the_displays_rate_not_by_a_slo
     assert "system                    a headset" in said
     assert "tracks                    orientation and position; known in 3 of 3 frames" in said
     assert "refresh_rate_hz = 50.00  # can be chosen: unknown" in said
-    assert link.closed
+    assert headset.closed
 
 
 def test_a_headset_that_fails_at_once_is_closed() -> None:
-    link = Link([])
+    headset = Headset([])
     with pytest.raises(InstrumentError, match="went away"):
-        rigs.open_window(RIG, RefreshClock(50.0), headset=link)
-    assert link.closed
+        rigs.open_window(RIG, RefreshClock(50.0), headset=headset)
+    assert headset.closed
 
 
 def test_a_window_in_a_made_up_headset_runs_in_time_or_at_once() -> None:
@@ -284,7 +287,7 @@ def test_what_happens_to_the_headset_is_noted_with_its_frames() -> None:
         unfocused=[(0.035, 0.045)],
         untracked=[(0.075, 0.085)],
     )
-    with HeadsetWindow(RIG, SimulatedHeadset((64, 64), 50.0, script)) as window:
+    with rigs.open_window(RIG, headset=SimulatedHeadset((64, 64), 50.0, script)) as window:
         for _ in range(4):
             window.flip()
         shown = window.shown_frames()  # begun at 0, 0.02, 0.04 and 0.08 s, and shown 0.04 s later

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
-from evenlight.hardware.presentation.headset_link import HeadsetLink, Pose, centre_pixels_per_degree
+from evenlight.hardware.presentation.headset_views import Pose, centre_pixels_per_degree
 from evenlight.hardware.protocols import Fault, InstrumentError, KeyPress
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset
 
@@ -21,12 +21,12 @@ def headset(**changes) -> SimulatedHeadset:
 
 
 @pytest.fixture
-def plain() -> Iterator[HeadsetLink]:
+def plain() -> Iterator[SimulatedHeadset]:
     with headset() as link:
         yield link
 
 
-def frames(link: HeadsetLink, n: int) -> list:
+def frames(link: SimulatedHeadset, n: int) -> list:
     came = []
     for _ in range(n):
         came.append(link.begin_frame())

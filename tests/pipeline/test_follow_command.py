@@ -12,18 +12,17 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 
 import evenlight
 from evenlight.data_schema.provenance import Provenance, sha256_of_file
 from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    TrackHeader,
     write_track,
 )
 from evenlight.experiments.follow import mpv_player, watchdog
@@ -49,15 +48,11 @@ def film(tmp_path_factory: pytest.TempPathFactory, make_video: Callable[..., Non
     folder = tmp_path_factory.mktemp("film")
     make_video(folder / "film.mkv", np.full(N, 0.7), (32, 24), RATE)
     display = load_display("varjo-xr3")
-    header = TrackHeader(
-        "film", display.name, display.fingerprint, "surace2025", "surace2025", 0.8, BudgetUnit.FACTOR,
-        "splitting", Provenance(inputs={"video": sha256_of_file(folder / "film.mkv")}), display=display,
-    )  # fmt: skip
-    light = np.full(N, 52.0)
-    rate = np.append(np.diff(FACTORS) * 52.0 * RATE, 0.0)
-    track = BrightnessTrack(
-        np.arange(N) / RATE, FACTORS, np.zeros(N), light * FACTORS, rate, np.full(N, 1.0), light, header
-    )
+    made = Provenance(inputs={"video": sha256_of_file(folder / "film.mkv")})
+    header = header_of(display, video="film", budget=0.8, provenance=made, display=display)
+    header = replace(header, power_model="surace2025", rate_limit="surace2025")
+    columns = {"mean_luminance": 52.0 * FACTORS, "rate": np.append(np.diff(FACTORS) * 52.0 * RATE, 0.0)}
+    track = example_track(FACTORS, RATE, header, rate_limit=1.0, power=52.0, **columns)
     write_track(folder / "track.csv", track)
     return folder
 

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from example_tracks import example_track, header_of
 from PIL import Image
 from warm_evenlight import said_by
 
@@ -18,9 +19,6 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance, sha256_of_file
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import (
-    BrightnessTrack,
-    BudgetUnit,
-    TrackHeader,
     read_track,
     write_track,
 )
@@ -37,20 +35,8 @@ FACTORS = np.linspace(0.9, 0.5, N)
 def write_a_track(folder: Path, n: int = N, rate: float = RATE, **header: Any) -> Path:
     """Write a track of factors that fall from 0.9 to 0.5; only times, factors and display matter here."""
     display = load_display("varjo-xr3")
-    about = {
-        "video": "8",
-        "display_name": display.name,
-        "display_fingerprint": display.fingerprint,
-        "power_model": "surace2025",
-        "rate_limit": "surace2025",
-        "budget": 0.7,
-        "budget_unit": BudgetUnit.FACTOR,
-        "solver": "splitting",
-        "provenance": Provenance(),
-    } | header
-    times, zeros = np.arange(n) / rate, np.zeros(n)
-    factors = np.linspace(0.9, 0.5, n)
-    track = BrightnessTrack(times, factors, zeros, zeros, zeros, zeros, zeros, TrackHeader(**about))
+    fits = header_of(display, video="8", power_model="surace2025", rate_limit="surace2025", budget=0.7)
+    track = example_track(np.linspace(0.9, 0.5, n), rate, replace(fits, **header))
     folder.mkdir(exist_ok=True)
     write_track(folder / "track.csv", track)
     return folder
@@ -218,10 +204,7 @@ def test_keys_are_held_from_their_press_to_their_release(played: dict[str, Any])
 
 def test_the_baseline_of_frames_of_unequal_length_weighs_them_by_time() -> None:
     """1, 1, 2 and (as most) 1 s with factors 0.2, 0.2, 0.8, 0.2: (0.2 + 0.2 + 1.6 + 0.2) / 5 = 0.44."""
-    zeros = np.zeros(4)
-    header = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "s", Provenance())
-    factors = np.array([0.2, 0.2, 0.8, 0.2])
-    track = BrightnessTrack(np.array([0.0, 1, 2, 4]), factors, zeros, zeros, zeros, zeros, zeros, header)
+    track = example_track([0.2, 0.2, 0.8, 0.2], times=np.array([0.0, 1, 2, 4]))
     assert mean_factor(track) == pytest.approx(0.44)
 
 

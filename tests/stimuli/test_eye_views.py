@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 from seen_points import project
 from turned_heads import OUTWARDS, WIDE, turned
 
-from evenlight.hardware.presentation.headset_link import EyeFov, EyePose, Pose, centre_pixels_per_degree
+from evenlight.hardware.presentation.headset_views import EyeFov, EyePose, Pose, centre_pixels_per_degree
 from evenlight.stimuli.eyes.eye_views import eye_views, head_direction
 from evenlight.stimuli.eyes.surfaces import FlatScreen, direction_matrix, panel_matrix, plane_matrix
 from evenlight.stimuli.scenes.engine.camera import FAR_FOR_EYES, NEAR, Camera, EyeView

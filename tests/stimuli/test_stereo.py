@@ -8,7 +8,7 @@ import pytest
 from headset_frames import FOVS, POSES, frame_of
 from scipy.spatial.transform import Rotation
 
-from evenlight.hardware.presentation.headset_link import EyeFov
+from evenlight.hardware.presentation.headset_views import EyeFov
 from evenlight.stimuli.eyes.eye_views import eye_views
 from evenlight.stimuli.scenes.engine import stereo as stereo_scenes
 from evenlight.stimuli.scenes.engine.antialiasing import EYES, LIVE, NONE, OFFLINE, tiles

@@ -8,7 +8,7 @@ from headset_frames import frame_of, projected
 from scipy.spatial.transform import Rotation
 
 from evenlight.data_schema.display import Display
-from evenlight.hardware.presentation.headset_link import EyeFov
+from evenlight.hardware.presentation.headset_views import EyeFov
 from evenlight.stimuli.eyes.eye_views import eye_views
 from evenlight.stimuli.rings.landolt import Ring
 from evenlight.stimuli.rings.ring_scene import RingScene, StereoRings

@@ -1,24 +1,18 @@
-"""What is asked of a headset: frames with the times at which they appear, the eyes' views, controllers.
+"""What a headset says: when a frame appears, where head and eyes are then, and what the eyes see.
 
-The seam between Evenlight and a runtime: `openxr_link.OpenXRLink` talks to one, and
-`hardware.simulated.headset.SimulatedHeadset` stands in for it. Axes are OpenXR's: x right, y up, z backwards,
-in metres; the origin is where the head was when the session began.
+Axes are OpenXR's: x right, y up, z backwards, in metres; the origin is where the head was when the session
+began.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
-from evenlight.hardware.protocols import ContextManaged, KeyPress
-
-if TYPE_CHECKING:  # rig.py imports this, and shows its help without moderngl
-    import moderngl
+if TYPE_CHECKING:  # rig.py imports this, and shows its help without numpy
     import numpy as np
     from numpy.typing import NDArray
-
-    from evenlight.hardware.presentation.mirror_window import MirrorWindow
 
 # Of OpenGL: pictures keep the codes that are written to them while the conversion is off.
 SRGB8_ALPHA8, FRAMEBUFFER_SRGB = 0x8C43, 0x8DB9
@@ -58,7 +52,7 @@ class EyePose:
 class HeadsetFrame:
     """A frame that may be drawn now."""
 
-    display_time: float  # when it will appear, as the runtime predicts it, on the link's clock [s]
+    display_time: float  # when it will appear, as the runtime predicts it, on the runtime's clock [s]
     period: float  # how long a frame lasts [s]
     eyes: tuple[EyePose, EyePose]  # left, right
     head: Pose
@@ -78,60 +72,6 @@ class HeadsetFacts:
     refresh_rates: tuple[float, ...]  # that can be chosen; empty where the runtime does not say [Hz]
     tracks_position: bool  # besides the orientation
     eye_distance: float  # between the eyes' positions [m]
-
-
-class HeadsetLink(ContextManaged, Protocol):
-    """A headset that is open: between `begin_frame` and `end_frame` both eyes are drawn side by side."""
-
-    @property
-    def mirror(self) -> MirrorWindow | None:
-        """The operator's window, if there is one."""
-
-    def facts(self) -> HeadsetFacts:
-        """Return what the runtime says."""
-
-    def eye_size(self) -> tuple[int, int]:
-        """Return width and height of the picture of one eye, as it is drawn [pixels]."""
-
-    def context(self) -> moderngl.Context:
-        """Return the graphics context."""
-
-    def now(self) -> float:
-        """Return the time on the clock of `display_time` [s]."""
-
-    def begin_frame(self) -> HeadsetFrame:
-        """Wait until the next frame may be drawn, and return it.
-
-        While the headset is idle (nobody wears it, a system menu is in front) it returns frames that are not
-        visible, at about the refresh rate.
-
-        Raises
-        ------
-        InstrumentError
-            If the runtime went away, or ends the session.
-        """
-
-    def framebuffer(self) -> moderngl.Framebuffer:
-        """Return what the frame is drawn to: twice an eye's width, the left eye in the left half."""
-
-    def end_frame(self) -> None:
-        """Hand the frame to the runtime, to be shown at its display time."""
-
-    def focused(self) -> bool:
-        """Return whether the wearer sees this session and its controllers act on it."""
-
-    def presses(self) -> list[KeyPress]:
-        """Return what was pressed on controllers since the last call, in order.
-
-        Names: trigger, menu, stick_left, stick_right, stick_up, stick_down; a stick counts once when it
-        leaves the middle.
-        """
-
-    def stick(self) -> tuple[float, float]:
-        """Return how far the stick of either controller is pushed now: right and up, each from -1 to 1."""
-
-    def apparatus(self) -> dict[str, str]:
-        """Return what the runtime says of itself, for a session's manifest."""
 
 
 def centre_pixels_per_degree(fov: EyeFov, width: int) -> float:

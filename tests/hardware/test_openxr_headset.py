@@ -1,9 +1,10 @@
-"""What the link does as a runtime says, without a runtime: states, presses, refusals, keys of the mirror."""
+"""What a headset does as a runtime says, without a runtime: states, presses, refusals, keys of the mirror."""
 
 import ctypes
 import sys
 import time
 from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,18 +13,19 @@ import pytest
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.hardware.headset_facts import measure_headset
-from evenlight.hardware.presentation import openxr_runtime, openxr_session
-from evenlight.hardware.presentation.headset_link import SRGB8_ALPHA8, EyeFov, EyePose, Pose
+from evenlight.hardware.presentation import openxr_headset, openxr_runtime
+from evenlight.hardware.presentation.headset_views import SRGB8_ALPHA8, EyeFov, EyePose, Pose
 from evenlight.hardware.presentation.mirror_window import PLACES, MirrorWindow, glfw_library
 from evenlight.hardware.presentation.openxr_actions import PROFILES, Controllers, Edges, direction
 from evenlight.hardware.presentation.openxr_graphics import Swapchain
+from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
 from evenlight.hardware.presentation.openxr_runtime import OpenXRRuntime, openxr_library
-from evenlight.hardware.presentation.openxr_session import OpenXRSession
 from evenlight.hardware.protocols import InstrumentError, KeyPress
 
 xr: Any = pytest.importorskip("xr")
 SECOND = 1_000_000_000  # [ns]
 PERIOD = SECOND // 50
+CLOCK = "convert_timespec_time_to_time_khr"  # on Linux
 
 
 class FakeRuntime:
@@ -36,8 +38,11 @@ class FakeRuntime:
             setattr(self.xr, name, function)
         self.name, self.instance, self.system_id, self.time = "fake", None, 1, 0.0
         self.says_rates = True
-        limits = xr.SystemGraphicsProperties(4096, 4096, 16)
-        self.system = SimpleNamespace(graphics_properties=limits)
+        self.system = SimpleNamespace(
+            graphics_properties=xr.SystemGraphicsProperties(4096, 4096, 16),
+            tracking_properties=xr.SystemTrackingProperties(1, 1),
+            system_name=b"a headset",
+        )
 
     def offers(self, extension: str) -> bool:
         return self.says_rates or extension != openxr_runtime.REFRESH_RATES
@@ -46,21 +51,62 @@ class FakeRuntime:
         self.time += 0.001
         return self.time
 
+    def talking(self) -> AbstractContextManager[None]:
+        return nullcontext()
+
+    def close(self) -> None:
+        pass
+
+
+class FakeMirror:
+    """A window and a context that draw nothing."""
+
+    def __init__(self, *_: Any, **__: Any) -> None:
+        pass
+
+    def context(self) -> Any:
+        return SimpleNamespace(simple_framebuffer=lambda size, _: f"a picture of its own, {size}")
+
+    def close(self) -> None:
+        pass
+
+
+class FakeSwapchain:
+    """A swapchain whose picture is drawn as soon as it is asked for."""
+
+    def __init__(self, _: Any, __: Any, ___: Any, size: tuple[int, int]) -> None:
+        self.size, self._drawn = size, False
+
+    def acquired(self) -> str:
+        self._drawn = True
+        return "the swapchain's"
+
+    def release(self) -> bool:
+        drawn, self._drawn = self._drawn, False
+        return drawn
+
+    def half(self, _: int) -> Any:
+        return xr.SwapchainSubImage()
+
 
 class FakeSession:
-    """A session whose events, frames and flags a test gives."""
+    """A headset whose session's events, frames and flags a test gives; open after its ten first frames."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        self.events: list[Any] = []
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **runtime: Any) -> None:
         self.calls: list[str] = []
         self.layers: list[int] = []
+        self.slept: list[float] = []
         self.render, self.flags, self.waited = True, 15, 0
-        self.turned, self.period = 1.0, PERIOD
+        self.turned, self.period = 1.0, runtime.pop("period", PERIOD)
         noted = {name: self._noting(name) for name in ("begin_session", "end_session", "begin_frame")}
         self.runtime = FakeRuntime(
             get_opengl_graphics_requirements_khr=lambda *_: None,
+            enumerate_view_configuration_views=lambda *_: 2 * [xr.ViewConfigurationView(320, 0, 240)],
             create_session=lambda *_: xr.Session(),
+            destroy_session=lambda _: None,
             create_reference_space=lambda *_: xr.Space(),
+            get_display_refresh_rate_fb=lambda _: ctypes.c_float(50.0),
+            enumerate_display_refresh_rates_fb=lambda _: [50.0, 75.0],
             poll_event=self._poll,
             wait_frame=self._wait,
             end_frame=lambda _, info: self.layers.append(info.layer_count),
@@ -71,8 +117,23 @@ class FakeSession:
             locate_space=lambda *_: xr.SpaceLocation(xr.SpaceLocationFlags(self.flags), self._pose(0.0)),
             **noted,
         )
-        monkeypatch.setattr(openxr_session, "graphics_binding", lambda _: xr.Posef())
-        self.session = OpenXRSession(self.runtime)  # type: ignore[arg-type] # what of a runtime is asked for
+        self.runtime.__dict__.update(runtime)
+        controllers = SimpleNamespace(sync=lambda: None)
+        for name, made in (
+            ("openxr_library", lambda: None),
+            ("OpenXRRuntime", lambda _: self.runtime),
+            ("MirrorWindow", FakeMirror),
+            ("Swapchain", FakeSwapchain),
+            ("Controllers", lambda *_: controllers),
+            ("graphics_binding", lambda _: xr.Posef()),
+        ):
+            monkeypatch.setattr(openxr_headset, name, made)
+        monkeypatch.setattr(time, "sleep", self.slept.append)
+        self.events: list[Any] = [None, None]  # of each frame, until there is none: idle for two
+        self.says(xr.SessionState.READY)
+        self.headset = OpenXRHeadset()
+        self.calls.clear()
+        self.layers.clear()
 
     def says(self, *states: Any) -> None:
         self.events += [xr.EventDataSessionStateChanged(state=state) for state in states]
@@ -81,9 +142,9 @@ class FakeSession:
         return lambda *_: self.calls.append(name)
 
     def _poll(self, _: Any) -> Any:
-        if not self.events:
+        if not self.events or (event := self.events.pop(0)) is None:
             raise xr.exception.EventUnavailable
-        return self.events.pop(0)
+        return event
 
     def _wait(self, _: Any) -> Any:
         self.waited += 1
@@ -95,54 +156,58 @@ class FakeSession:
 
 @pytest.fixture
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeSession:
-    monkeypatch.setattr(time, "sleep", lambda _: None)
     return FakeSession(monkeypatch)
 
 
 def test_frames_begin_when_the_runtime_is_ready_and_end_when_it_stops(fake: FakeSession) -> None:
     states = xr.SessionState
-    assert not fake.session.begin_frame().visible  # idle
-    assert (fake.calls, fake.waited) == ([], 0)
-    fake.says(states.READY, states.SYNCHRONIZED, states.VISIBLE)
-    frame = fake.session.begin_frame()
-    assert (frame.display_time, frame.period, frame.visible, frame.tracked) == (0.02, 0.02, True, True)
-    assert not fake.session.focused()
-    fake.says(states.FOCUSED)
-    fake.session.begin_frame()
-    assert fake.session.focused()
+    assert fake.waited == 10  # tracked frames, of which the first one is that of READY
     fake.says(states.STOPPING, states.IDLE)
-    assert not fake.session.begin_frame().visible
-    assert fake.calls == ["begin_session", "begin_frame", "begin_frame", "end_session"]
-    assert not fake.session.focused()
+    assert not fake.headset.begin_frame().visible
+    assert (fake.calls, fake.waited) == (["end_session"], 10)
+    assert not fake.headset.focused()
+    fake.says(states.READY, states.SYNCHRONIZED, states.VISIBLE)
+    frame = fake.headset.begin_frame()
+    assert (frame.display_time, frame.period) == pytest.approx((11 * 0.02, 0.02))
+    assert (frame.visible, frame.tracked) == (True, True)
+    assert not fake.headset.focused()
+    fake.says(states.FOCUSED)
+    fake.headset.begin_frame()
+    assert fake.headset.focused()
+    assert fake.calls == ["end_session", "begin_session", "begin_frame", "begin_frame"]
 
 
-def test_idle_frames_come_at_the_period_and_have_nothing_to_end(
-    fake: FakeSession, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    slept: list[float] = []
-    monkeypatch.setattr(time, "sleep", slept.append)
-    first, second = fake.session.begin_frame(), fake.session.begin_frame()
-    fake.session.end_frame(None, False)  # type: ignore[arg-type] # nothing was drawn
-    assert fake.layers == []
+def test_idle_frames_come_at_the_period_and_have_nothing_to_end(fake: FakeSession) -> None:
     # the made-up clock goes on by 1 ms at each look; a frame is waited for from the one before
-    assert slept[1] == pytest.approx(openxr_session.IDLE_PERIOD - 0.001, abs=1e-9)
+    assert fake.slept == [0.0, pytest.approx(openxr_headset.IDLE_PERIOD - 0.001, abs=1e-9)]
+    fake.headset.end_frame()  # of the first ones, ended before
+    fake.says(xr.SessionState.STOPPING)
+    first, second = fake.headset.begin_frame(), fake.headset.begin_frame()
+    fake.headset.end_frame()
+    assert fake.layers == []
     assert second.display_time - first.display_time == pytest.approx(0.002)
+    assert not second.tracked
 
 
-def test_only_what_was_drawn_becomes_a_layer(fake: FakeSession) -> None:
-    swapchain: Any = SimpleNamespace(half=lambda _: xr.SwapchainSubImage())
-    fake.says(xr.SessionState.READY)
-    for drawn in (True, False):
-        fake.session.begin_frame()
-        fake.session.end_frame(swapchain, drawn)
-    assert fake.layers == [1, 0]
+def test_only_what_was_drawn_becomes_a_layer_and_what_nobody_sees_has_a_picture_of_its_own(
+    fake: FakeSession,
+) -> None:
+    fake.headset.begin_frame()
+    assert fake.headset.picture() == "the swapchain's"
+    fake.headset.end_frame()
+    fake.headset.begin_frame()
+    fake.headset.end_frame()
+    fake.render = False
+    fake.headset.begin_frame()
+    assert fake.headset.picture() == "a picture of its own, (640, 240)"
+    fake.headset.end_frame()
+    assert fake.layers == [1, 0, 0]
 
 
 def test_without_tracking_the_views_are_the_last_known_ones(fake: FakeSession) -> None:
-    fake.says(xr.SessionState.READY)
-    known = fake.session.begin_frame()
+    known = fake.headset.begin_frame()
     fake.flags, fake.turned = 0, 0.5
-    lost = fake.session.begin_frame()
+    lost = fake.headset.begin_frame()
     assert not lost.tracked
     assert (lost.eyes, lost.head) == (known.eyes, known.head)
     assert known.eyes[1] == EyePose(
@@ -150,12 +215,19 @@ def test_without_tracking_the_views_are_the_last_known_ones(fake: FakeSession) -
     )
 
 
+def test_it_says_what_the_runtime_says(fake: FakeSession) -> None:
+    facts = fake.headset.facts()
+    assert (facts.runtime, facts.system, facts.eye_size) == ("fake", "a headset", (320, 240))
+    assert (facts.refresh_rate, facts.refresh_rates, facts.tracks_position) == (50.0, (50.0, 75.0), True)
+    assert facts.eye_distance == pytest.approx(0.06)
+
+
 @pytest.mark.parametrize("period", [11_111_110, 11_111_112])  # [ns]
-def test_a_refresh_rate_by_the_period_is_the_same_at_each_start(fake: FakeSession, period: int) -> None:
-    fake.runtime.says_rates, fake.period = False, period
-    fake.says(xr.SessionState.READY)
-    fake.session.begin_frame()
-    assert fake.session.refresh_rate() == (90.0, ())
+def test_a_refresh_rate_by_the_period_is_the_same_at_each_start(
+    monkeypatch: pytest.MonkeyPatch, period: int
+) -> None:
+    facts = FakeSession(monkeypatch, period=period, says_rates=False).headset.facts()
+    assert (facts.refresh_rate, facts.refresh_rates) == (90.0, ())
 
 
 @pytest.mark.parametrize("state", ["EXITING", "LOSS_PENDING"])
@@ -163,18 +235,18 @@ def test_a_session_that_the_runtime_ends_is_told_in_one_line(fake: FakeSession, 
     fake.says(getattr(xr.SessionState, state))
     for _ in range(2):  # and stays ended
         with pytest.raises(InstrumentError, match="session") as error:
-            fake.session.begin_frame()
+            fake.headset.begin_frame()
         assert "\n" not in str(error.value)
 
 
 def test_a_headset_that_is_taken_off_is_not_focused(fake: FakeSession) -> None:
-    fake.says(xr.SessionState.READY, xr.SessionState.FOCUSED)
+    fake.says(xr.SessionState.FOCUSED)
     fake.events.append(xr.EventDataUserPresenceChangedEXT(is_user_present=0))
-    fake.session.begin_frame()
-    assert not fake.session.focused()
+    fake.headset.begin_frame()
+    assert not fake.headset.focused()
     fake.events.append(xr.EventDataUserPresenceChangedEXT(is_user_present=1))
-    fake.session.begin_frame()
-    assert fake.session.focused()
+    fake.headset.begin_frame()
+    assert fake.headset.focused()
 
 
 def test_codes_that_would_be_encoded_twice_are_refused() -> None:
@@ -337,13 +409,12 @@ def test_a_runtime_without_what_is_needed_is_refused(missing: str, message: str)
         OpenXRRuntime(fake.xr)
 
 
-def test_a_runtime_without_a_headset_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_runtime_without_a_headset_is_told() -> None:
     offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()]
 
     def none_there(*_: Any) -> None:
         raise xr.exception.FormFactorUnavailableError
 
-    monkeypatch.setattr(openxr_runtime, "_Ticks", lambda *_: None)
     closed: list[Any] = []
     fake = FakeRuntime(
         enumerate_instance_extension_properties=lambda: [xr.ExtensionProperties(name, 1) for name in offered],
@@ -360,7 +431,7 @@ def test_a_runtime_without_a_headset_is_told(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(
-    "function", ["get_instance_properties", "get_instance_proc_addr", "get_system", "get_system_properties"]
+    "function", ["get_instance_properties", "get_system", "get_system_properties", CLOCK]
 )
 def test_a_runtime_that_goes_away_while_it_is_asked_is_told_in_one_line(function: str) -> None:
     offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()]
@@ -370,8 +441,8 @@ def test_a_runtime_that_goes_away_while_it_is_asked_is_told_in_one_line(function
 
     functions: dict[str, Callable[..., Any]] = {
         "get_instance_properties": lambda _: xr.InstanceProperties(xr.Version(1, 2, 3), "Fake"),
-        "get_instance_proc_addr": lambda *_: ctypes.c_void_p(),
         "get_system": lambda *_: 1,
+        "get_system_properties": lambda *_: None,
     }
     fake = FakeRuntime(
         enumerate_instance_extension_properties=lambda: [xr.ExtensionProperties(name, 1) for name in offered],
@@ -382,8 +453,22 @@ def test_a_runtime_that_goes_away_while_it_is_asked_is_told_in_one_line(function
     with pytest.raises(
         (InputError, InstrumentError), match=r"OpenXR runtime .*XR_ERROR_INSTANCE_LOST"
     ) as told:
-        OpenXRRuntime(fake.xr)
+        OpenXRRuntime(fake.xr).now()
     assert "\n" not in str(told.value)
+
+
+def test_the_clock_is_the_systems_as_the_runtime_converts_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """1.5 s of the system's are 1.5e9 ns of the runtime's, and 7 s more."""
+
+    def converted(_: Any, system: Any) -> ctypes.c_int64:
+        return ctypes.c_int64((system.tv_sec + 7) * SECOND + system.tv_nsec)
+
+    runtime = OpenXRRuntime.__new__(OpenXRRuntime)
+    runtime.xr = FakeRuntime(**{CLOCK: converted}).xr
+    runtime.instance = None
+    monkeypatch.setattr(sys, "platform", "linux")
+    monkeypatch.setattr(time, "clock_gettime_ns", lambda _: 3 * SECOND // 2)
+    assert runtime.now() == pytest.approx(8.5)
 
 
 def test_keys_are_named_by_what_is_printed_on_them() -> None:

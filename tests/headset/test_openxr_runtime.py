@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 from PIL import ImageGrab
 
 from evenlight.data_schema.recordings.rig import Eye
-from evenlight.hardware.presentation.headset_link import HeadsetFrame
-from evenlight.hardware.presentation.openxr_link import OpenXRLink
+from evenlight.hardware.presentation.headset_views import HeadsetFrame
+from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
 from evenlight.hardware.presentation.openxr_runtime import EGL, OpenXRRuntime
 from evenlight.hardware.protocols import InstrumentError
 
@@ -30,9 +30,9 @@ WIDTH, HEIGHT = 320, 240
 SOON = 10.0  # [s]
 LOSE = """
 import os, sys
-from evenlight.hardware.presentation.openxr_link import OpenXRLink
+from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
 from evenlight.hardware.protocols import InstrumentError
-with OpenXRLink() as link:
+with OpenXRHeadset() as link:
     print("open", flush=True)
     sys.stdin.readline()
     try:
@@ -49,8 +49,8 @@ PHOTOGRAPH = """
 import os, sys, time
 import glfw, numpy as np
 from PIL import ImageGrab
-from evenlight.hardware.presentation.openxr_link import OpenXRLink
-with OpenXRLink() as link:
+from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
+with OpenXRHeadset() as link:
     glfw.hide_window(link.mirror._window)
     for code in map(int, sys.argv[1:]):
         started = time.monotonic()
@@ -67,15 +67,15 @@ with OpenXRLink() as link:
 
 
 @pytest.fixture(params=["EGL", "GLX"])
-def link(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[OpenXRLink]:
+def link(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Iterator[OpenXRHeadset]:
     if request.param == "GLX":
         offers = OpenXRRuntime.offers
         monkeypatch.setattr(OpenXRRuntime, "offers", lambda self, name: name != EGL and offers(self, name))
-    with OpenXRLink() as opened:
+    with OpenXRHeadset() as opened:
         yield opened
 
 
-def shown(link: OpenXRLink, codes: NDArray[np.uint8] | None = None) -> HeadsetFrame:
+def shown(link: OpenXRHeadset, codes: NDArray[np.uint8] | None = None) -> HeadsetFrame:
     """A frame of these codes, (height, width, 4), row 0 on top."""
     frame = link.begin_frame()
     framebuffer = link.framebuffer()
@@ -90,7 +90,7 @@ def shown(link: OpenXRLink, codes: NDArray[np.uint8] | None = None) -> HeadsetFr
     return frame
 
 
-def test_it_says_what_the_runtime_says(link: OpenXRLink) -> None:
+def test_it_says_what_the_runtime_says(link: OpenXRHeadset) -> None:
     facts = link.facts()
     assert "Monado" in facts.runtime
     assert "Simulated" in facts.system
@@ -104,7 +104,7 @@ def test_it_says_what_the_runtime_says(link: OpenXRLink) -> None:
     assert all(said[package][0].isdigit() for package in ("pyopenxr", "glfw", "moderngl"))
 
 
-def test_frames_follow_each_other_at_the_period_and_the_session_is_in_front(link: OpenXRLink) -> None:
+def test_frames_follow_each_other_at_the_period_and_the_session_is_in_front(link: OpenXRHeadset) -> None:
     frames = [shown(link) for _ in range(20)][5:]  # the first ones come before the runtime has its pace
     steps = [after.display_time - before.display_time for before, after in pairwise(frames)]
     periods = np.array(steps) / frames[0].period
@@ -115,14 +115,14 @@ def test_frames_follow_each_other_at_the_period_and_the_session_is_in_front(link
     assert link.focused()
 
 
-def test_the_head_carries_its_eyes(link: OpenXRLink) -> None:
+def test_the_head_carries_its_eyes(link: OpenXRHeadset) -> None:
     for frame in [shown(link) for _ in range(5)]:
         positions = np.array([eye.pose.position for eye in frame.eyes])
         np.testing.assert_allclose(positions.mean(axis=0), frame.head.position, atol=1e-4)
         assert math.hypot(*frame.head.orientation) == pytest.approx(1.0, abs=1e-4)
 
 
-def test_codes_stay_as_they_are_written(link: OpenXRLink) -> None:
+def test_codes_stay_as_they_are_written(link: OpenXRHeadset) -> None:
     codes = np.zeros((HEIGHT, 2 * WIDTH, 4), np.uint8)
     codes[:, :256] = np.arange(256)[None, :, None]
     codes[:, WIDTH : WIDTH + 256] = np.arange(256)[None, ::-1, None]
@@ -136,7 +136,7 @@ def test_codes_stay_as_they_are_written(link: OpenXRLink) -> None:
         np.testing.assert_array_equal(read, codes)
 
 
-def test_the_mirror_shows_one_eye_over_its_text(link: OpenXRLink) -> None:
+def test_the_mirror_shows_one_eye_over_its_text(link: OpenXRHeadset) -> None:
     codes = np.full((HEIGHT, 2 * WIDTH, 4), 50, np.uint8)
     codes[: HEIGHT // 2, WIDTH:] = 120
     codes[HEIGHT // 2 :, WIDTH:] = 200
@@ -155,7 +155,7 @@ def test_the_mirror_shows_one_eye_over_its_text(link: OpenXRLink) -> None:
     np.testing.assert_allclose(seen, [120, 200, text, ground], atol=1)
 
 
-def test_keys_over_the_mirror_are_heard_by_their_names(link: OpenXRLink) -> None:
+def test_keys_over_the_mirror_are_heard_by_their_names(link: OpenXRHeadset) -> None:
     x = ctypes.CDLL("libX11.so.6")
     x.XOpenDisplay.restype = ctypes.c_void_p
     server = ctypes.c_void_p(x.XOpenDisplay(None))
@@ -177,7 +177,7 @@ def test_keys_over_the_mirror_are_heard_by_their_names(link: OpenXRLink) -> None
 
 
 def test_a_closed_link_refuses_and_closes_again() -> None:
-    link = OpenXRLink()
+    link = OpenXRHeadset()
     link.close()
     link.close()
     with pytest.raises(InstrumentError, match="closed"):
@@ -185,7 +185,7 @@ def test_a_closed_link_refuses_and_closes_again() -> None:
 
 
 def test_a_size_of_the_rigs_own_is_drawn() -> None:
-    with OpenXRLink((200, 100)) as link:
+    with OpenXRHeadset((200, 100)) as link:
         shown(link)
         link.begin_frame()
         assert link.framebuffer().size == (400, 100)
@@ -195,7 +195,7 @@ def test_a_size_of_the_rigs_own_is_drawn() -> None:
 
 def test_too_large_a_picture_is_refused() -> None:
     with pytest.raises(InstrumentError, match="smaller window_size"):
-        OpenXRLink((100_000, 100))
+        OpenXRHeadset((100_000, 100))
 
 
 @contextmanager

@@ -1,0 +1,336 @@
+"""A headset at this computer's OpenXR runtime: its session's states, and the frames that it asks for."""
+
+from __future__ import annotations
+
+import ctypes
+import math
+import time
+from contextlib import ExitStack, closing, suppress
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from evenlight.hardware.presentation.headset_views import EyeFov, EyePose, HeadsetFacts, HeadsetFrame, Pose
+from evenlight.hardware.presentation.headset_window import HeadsetWindow
+from evenlight.hardware.presentation.mirror_window import MirrorWindow
+from evenlight.hardware.presentation.openxr_actions import HANDS, Controllers
+from evenlight.hardware.presentation.openxr_graphics import Swapchain, graphics_binding
+from evenlight.hardware.presentation.openxr_runtime import (
+    EGL,
+    NANOSECOND,
+    PRESENCE,
+    REFRESH_RATES,
+    OpenXRRuntime,
+    openxr_library,
+    quiet_terminal,
+)
+from evenlight.hardware.protocols import Fault, InstrumentError, KeyPress
+
+if TYPE_CHECKING:
+    import moderngl
+
+FIRST_FRAMES = 10  # until a runtime has its pace
+LONGEST_START = 30.0  # until the headset shows and tracks: it may have to be put on first [s]
+IDLE_PERIOD = 1 / 60  # of frames that nobody sees, before the runtime says its own [s]
+NOWHERE = EyePose(Pose(), EyeFov(0.0, 0.0, 0.0, 0.0))
+
+
+class OpenXRHeadset(HeadsetWindow):
+    """A headset, open: somebody may wear it now.
+
+    Parameters
+    ----------
+    eye_size : (int, int), optional
+        Width and height of each eye's picture, in place of what the runtime recommends [pixels].
+
+    Raises
+    ------
+    InputError
+        If pyopenxr, a runtime, glfw, a display or OpenGL are missing.
+    InstrumentError
+        If there is no headset, it does not track the head, or the runtime fails or goes away: here, and in
+        all that is asked of it.
+    """
+
+    mirror: MirrorWindow
+
+    def __init__(self, eye_size: tuple[int, int] | None = None) -> None:
+        super().__init__()
+        self._name = "headset"
+        self._running = False  # between the runtime's READY and STOPPING
+        self._worn, self._lost = True, ""
+        self._period, self._latest = IDLE_PERIOD, 0.0  # and when the latest frame appears [s]
+        self._due = 0  # display time of the frame that is open; 0 for none [ns]
+        self._eyes, self._head = (NOWHERE, NOWHERE), Pose()
+        self._views: Any = ()
+        self._unseen: moderngl.Framebuffer | None = None
+        with ExitStack() as opened:
+            self._runtime = opened.enter_context(closing(OpenXRRuntime(openxr_library())))
+            self._xr = self._runtime.xr
+            self._state = self._xr.SessionState.IDLE
+            with self._runtime.talking():
+                self._recommended = self._recommended_size()
+                self._eye_size = eye_size or self._recommended
+                self._require_tracking(self._runtime.system.tracking_properties.orientation_tracking)
+                self.mirror = MirrorWindow(self._eye_size, self.now, egl=self._runtime.offers(EGL))
+                opened.callback(self.mirror.close)
+                self._session = self._new_session()
+                opened.callback(self._end_session)
+                self._space = self._reference_space(self._xr.ReferenceSpaceType.LOCAL)
+                self._head_space = self._reference_space(self._xr.ReferenceSpaceType.VIEW)
+                width, height = self._eye_size
+                self._swapchain = Swapchain(self._runtime, self._session, self.context(), (2 * width, height))
+                self._controllers = Controllers(self._runtime, self._session)
+            self._facts = self._first_frames()
+            self._opened = opened.pop_all()
+
+    def facts(self) -> HeadsetFacts:
+        """Return what the runtime says of the headset."""
+        return self._facts
+
+    def versions(self) -> dict[str, str]:
+        """Return versions, graphics and controllers."""
+        info = self.context().info
+        with self._runtime.talking():
+            names = self._controllers.names()
+        return {
+            **{name: metadata.version(name) for name in ("pyopenxr", "glfw", "moderngl")},
+            "renderer": info["GL_RENDERER"],
+            "opengl": info["GL_VERSION"],
+            "graphics_binding": "EGL" if self._runtime.offers(EGL) else "the system's OpenGL",
+            **{f"controller_{hand}": name for hand, name in zip(HANDS, names, strict=True)},
+        }
+
+    def eye_size(self) -> tuple[int, int]:
+        """Return width and height of one eye's picture [pixels]."""
+        return self._eye_size
+
+    def context(self) -> moderngl.Context:
+        """Return the graphics context, which is the mirror window's."""
+        return self.mirror.context()
+
+    def runtime_time(self) -> float:
+        """Return the time on the runtime's clock [s]."""
+        return self._runtime.now()
+
+    def begin_frame(self) -> HeadsetFrame:
+        """Wait for the next frame, and return it; while the session is idle one that is not visible."""
+        self._require_open()
+        with self._runtime.talking():
+            self._take_events()
+            if not self._running:
+                return self._idle_frame()
+            state = self._xr.wait_frame(self._session)
+            with suppress(self._xr.exception.FrameDiscarded):  # the one before was not ended, and is gone
+                self._xr.begin_frame(self._session)
+            self._due = int(state.predicted_display_time)
+            self._latest = self._due * NANOSECOND
+            if state.predicted_display_period > 0:
+                self._period = state.predicted_display_period * NANOSECOND
+            tracked = self._locate()
+            self._controllers.sync()
+            return self._framed(visible=bool(state.should_render), tracked=tracked)
+
+    def picture(self) -> moderngl.Framebuffer:
+        """Return the picture of the frame; one that is not visible goes to a picture of its own."""
+        self._require_open()
+        if self._visible:
+            with self._runtime.talking():
+                return self._swapchain.acquired()
+        if self._unseen is None:
+            self._unseen = self.context().simple_framebuffer(self._swapchain.size, 4)
+        return self._unseen
+
+    def end_frame(self) -> None:
+        """Hand the frame over: with the swapchain's picture if one was drawn, else with nothing."""
+        self._require_open()
+        with self._runtime.talking():
+            drawn = self._swapchain.release()
+            if not self._due:
+                return
+            xr, due, self._due = self._xr, self._due, 0
+            layers = []
+            if drawn and len(self._views) == 2:
+                views = [
+                    xr.CompositionLayerProjectionView(
+                        pose=view.pose, fov=view.fov, sub_image=self._swapchain.half(eye)
+                    )
+                    for eye, view in enumerate(self._views)
+                ]
+                layers = [ctypes.pointer(xr.CompositionLayerProjection(space=self._space, views=views))]
+            info = xr.FrameEndInfo(
+                display_time=due, environment_blend_mode=xr.EnvironmentBlendMode.OPAQUE, layers=layers
+            )
+            xr.end_frame(self._session, info)
+
+    def focused(self) -> bool:
+        """Return whether the session is in front, and somebody wears the headset as far as that is known."""
+        return self._worn and self._state == self._xr.SessionState.FOCUSED
+
+    def controller_presses(self) -> list[KeyPress]:
+        """Return what was pressed on controllers since the last call, in order."""
+        return self._controllers.presses()
+
+    def stick(self) -> tuple[float, float]:
+        """Return how far a stick is pushed now."""
+        return self._controllers.stick()
+
+    def close(self) -> None:
+        """Let go of session, window and runtime; more than once does nothing."""
+        if not self._closed:
+            super().close()
+            self._opened.close()
+
+    def _recommended_size(self) -> tuple[int, int]:
+        """Return the size that the runtime recommends for an eye's picture: the larger, if they differ."""
+        xr = self._xr
+        views = xr.enumerate_view_configuration_views(
+            self._runtime.instance, self._runtime.system_id, xr.ViewConfigurationType.PRIMARY_STEREO
+        )
+        return (
+            max(int(view.recommended_image_rect_width) for view in views),
+            max(int(view.recommended_image_rect_height) for view in views),
+        )
+
+    def _require_tracking(self, known: object) -> None:
+        if not known:
+            raise InstrumentError(
+                f"the headset of the OpenXR runtime {self._runtime.name} does not track the head: put it "
+                "on, and check its cameras, base stations and the runtime's own set-up",
+                Fault.NO_REPLY,
+            )
+
+    def _new_session(self) -> Any:
+        """Return a session of the OpenGL context that is current."""
+        xr, runtime = self._xr, self._runtime
+        # a runtime insists on being asked
+        xr.get_opengl_graphics_requirements_khr(runtime.instance, runtime.system_id)
+        binding = graphics_binding(runtime.offers(EGL))
+        info = xr.SessionCreateInfo(
+            system_id=runtime.system_id, next=ctypes.cast(ctypes.pointer(binding), ctypes.c_void_p)
+        )
+        return xr.create_session(runtime.instance, info)
+
+    def _end_session(self) -> None:
+        """End the session; a runtime that went away is not waited for."""
+        with quiet_terminal(), suppress(self._xr.exception.XrException):
+            self._xr.destroy_session(self._session)
+
+    def _reference_space(self, kind: Any) -> Any:
+        pose = self._xr.Posef()
+        pose.orientation.w = 1.0
+        info = self._xr.ReferenceSpaceCreateInfo(reference_space_type=kind, pose_in_reference_space=pose)
+        return self._xr.create_reference_space(self._session, info)
+
+    def _first_frames(self) -> HeadsetFacts:
+        """Show empty frames until the headset is on and tracks, and return what the runtime says."""
+        deadline, tracked = time.monotonic() + LONGEST_START, 0
+        while True:
+            frame = self.begin_frame()
+            self.end_frame()
+            tracked += frame.tracked
+            if tracked == FIRST_FRAMES:
+                return self._stated(frame)
+            if time.monotonic() > deadline:
+                self._require_tracking(not self._running)
+                raise InstrumentError(
+                    f"the headset did not start within {LONGEST_START:.0f} s (its session is "
+                    f"{self._state.name.lower()}): put it on, and close what else uses it",
+                    Fault.NO_REPLY,
+                )
+
+    def _stated(self, frame: HeadsetFrame) -> HeadsetFacts:
+        """Return what the runtime says; a resumed session finds the same refresh rate."""
+        xr, system, left, right = self._xr, self._runtime.system, *frame.eyes
+        rate, rates = 0.0, tuple[float, ...]()
+        if self._runtime.offers(REFRESH_RATES):
+            with self._runtime.talking():
+                rate = getattr(xr.get_display_refresh_rate_fb(self._session), "value", 0.0)
+                rates = tuple(float(one) for one in xr.enumerate_display_refresh_rates_fb(self._session))
+        return HeadsetFacts(
+            runtime=self._runtime.name,
+            system=system.system_name.decode(),
+            eye_size=self._recommended,
+            fovs=(left.fov, right.fov),
+            refresh_rate=round(rate or 1 / self._period, 2),
+            refresh_rates=rates,
+            tracks_position=bool(system.tracking_properties.position_tracking),
+            eye_distance=math.dist(left.pose.position, right.pose.position),
+        )
+
+    def _idle_frame(self) -> HeadsetFrame:
+        """Return a frame that nobody sees, a refresh after the latest one."""
+        time.sleep(max(self._latest - self._runtime.now(), 0.0))
+        self._latest = self._runtime.now() + self._period
+        return self._framed(visible=False, tracked=False)
+
+    def _framed(self, *, visible: bool, tracked: bool) -> HeadsetFrame:
+        self._visible = visible
+        return HeadsetFrame(self._latest, self._period, self._eyes, self._head, visible, tracked)
+
+    def _take_events(self) -> None:
+        """Follow what the runtime says until now.
+
+        Raises
+        ------
+        InstrumentError
+            If it ends the session.
+        """
+        xr, types = self._xr, self._xr.StructureType
+        while True:
+            try:
+                event = xr.poll_event(self._runtime.instance)
+            except xr.exception.EventUnavailable:
+                break
+            if event.type == types.EVENT_DATA_SESSION_STATE_CHANGED:
+                self._follow(xr.SessionState(_as(event, xr.EventDataSessionStateChanged).state))
+            elif event.type == types.EVENT_DATA_INSTANCE_LOSS_PENDING:
+                self._lost = "the OpenXR runtime is about to stop"
+            elif self._runtime.offers(PRESENCE) and event.type == types.EVENT_DATA_USER_PRESENCE_CHANGED_EXT:
+                self._worn = bool(_as(event, xr.EventDataUserPresenceChangedEXT).is_user_present)
+        if self._lost:
+            raise InstrumentError(self._lost, Fault.DISCONNECTED)
+
+    def _follow(self, state: Any) -> None:
+        states = self._xr.SessionState
+        self._state = state
+        if state == states.READY:
+            self._xr.begin_session(
+                self._session, self._xr.SessionBeginInfo(self._xr.ViewConfigurationType.PRIMARY_STEREO)
+            )
+            self._running = True
+        elif state == states.STOPPING:
+            self._running = False
+            self._xr.end_session(self._session)
+        elif state == states.LOSS_PENDING:
+            self._lost = "the OpenXR runtime lost the session, as when a headset is unplugged"
+        elif state == states.EXITING:
+            self._lost = "the session was ended in the headset, or by its runtime"
+
+    def _locate(self) -> bool:
+        """Note where head and eyes will be when the frame appears, and return whether the head is tracked.
+
+        What is not known stays as it was.
+        """
+        xr = self._xr
+        info = xr.ViewLocateInfo(xr.ViewConfigurationType.PRIMARY_STEREO, self._due, self._space)
+        state, views = xr.locate_views(self._session, info)
+        flags, bits = xr.ViewStateFlags(state.view_state_flags), xr.ViewStateFlags
+        if bits.ORIENTATION_VALID_BIT | bits.POSITION_VALID_BIT in flags:
+            self._views = views
+            left, right = (EyePose(_pose(view.pose), _fov(view.fov)) for view in views)
+            self._eyes = (left, right)
+            self._head = _pose(xr.locate_space(self._head_space, self._space, self._due).pose)
+        return bits.ORIENTATION_TRACKED_BIT in flags and bits.POSITION_VALID_BIT in flags
+
+
+def _as(event: Any, kind: Any) -> Any:
+    return ctypes.cast(ctypes.byref(event), ctypes.POINTER(kind)).contents
+
+
+def _pose(pose: Any) -> Pose:
+    at, turned = pose.position, pose.orientation
+    return Pose((at.x, at.y, at.z), (turned.x, turned.y, turned.z, turned.w))
+
+
+def _fov(fov: Any) -> EyeFov:
+    return EyeFov(fov.angle_left, fov.angle_right, fov.angle_up, fov.angle_down)
