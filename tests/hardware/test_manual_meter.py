@@ -133,6 +133,12 @@ def test_a_table_becomes_readings_of_a_sweep(table: Path) -> None:
     assert [r.index for r in readings] == [0, 1, 2, 3, 4]
 
 
+def test_a_spreadsheet_with_decimal_commas_reads_the_same(table: Path) -> None:
+    readings = luminance_readings_from_csv(table)
+    table.write_text(TABLE.replace(",", ";").replace(".", ","))
+    assert luminance_readings_from_csv(table) == readings
+
+
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
@@ -146,7 +152,7 @@ def test_a_table_becomes_readings_of_a_sweep(table: Path) -> None:
         ("pixel_value,luminance_cd_m2\n1,nan\n", r"got 'nan'"),
         ("pixel_value,luminance_cd_m2,factor\n1,2,0\n", "factor must be above 0"),
         ("pixel_value,luminance_cd_m2\n1,2,3\n", "expected 2 cells, got 3"),
-        ("pixel_value;luminance_cd_m2\n1;2,5\n", "pixel_value;luminance_cd_m2"),
+        ("pixel_value;luminance_cd_m2\n1;2,5;3\n", "expected 2 cells, got 3"),
         ("pixel_value,luminance_cd_m2\n", "has no readings"),
         ("", "is empty"),
     ],

@@ -228,7 +228,7 @@ def test_what_does_not_fit_is_refused_before_a_window_opens(made: Path, tmp_path
         ((video, other), "give the display as --display, a file"),
         ((video, other, "--display", "varjo-xr3"), "made for the display 'desk', and here is 'varjo-xr3'"),
         ((cut, track), "cut.mkv is cut off"),
-        ((video, made), "no such brightness track"),
+        ((video, tmp_path / "gone"), "no such brightness track"),
         ((video, tmp_path), "holds the tracks of fast, few, fine, other; give the folder of one, "),
         ((video, track, "--size", "64x48"), "--size is for built-in sequences"),
         ((video, track, "--log", "log.txt"), "give a file that ends in .csv or .jsonl"),
