@@ -40,9 +40,10 @@ test-realtime: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 1 -m real_time
 
 # Simulate, fit, recover: data sets enough to see a bias of some percent. `make test` has a small case of each.
+# And claims on any input, with other inputs each time: `make test` has the same in each run.
 studies: .venv/.test-ready
 	$(BIN)/python -m pytest -n 2 -o "python_files=claims_*.py" benchmarks/studies
-	$(BIN)/python -m pytest -n 2 -m study tests
+	$(BIN)/python -m pytest -n 2 -m "study or hypothesis" --hypothesis-profile random tests
 
 # Sessions in an OpenXR runtime with a simulated headset, which `make test` has too: as root, with debootstrap.
 test-headset: .venv/.test-ready

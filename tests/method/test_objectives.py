@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from exhaustive_search import _tracks, from_all_tracks
 from general_solvers import SequentialConvexSolver, by_highs
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -17,6 +17,7 @@ from evenlight.method.choices import ObjectiveName
 from evenlight.method.optimizer.calm import calmed
 from evenlight.method.optimizer.lower_bound import lower_bound
 from evenlight.method.optimizer.objective import (
+    LEAST_WEIGHT,
     SPREAD,
     LargestLoss,
     Objective,
@@ -134,15 +135,20 @@ def test_no_step_from_a_proximal_point_is_better(seed, n, strength) -> None:
 
 
 @given(st.integers(0, 10**6), st.integers(1, 7))
+@example(1663, 5)
 @settings(max_examples=10)
 def test_what_a_proximal_step_takes_away_is_below_the_objective_for_all_losses(seed, n) -> None:
-    """So it is a valid w for the certificate (Moreau)."""
+    """So it is a valid w for the certificate (Moreau).
+
+    A frame that counts for nothing weighs LEAST_WEIGHT in a step: it moves ranks, at most Σω, and means, at most 5.
+    """
     values, weights = drawn(seed, n)
     rng = np.random.default_rng(seed)
+    slack = n * LEAST_WEIGHT * (5 + 2 * weights.sum())
     for objective in OBJECTIVES:
         w = weights * (5 * values - objective.proximal(5 * values, 1.0, weights))
         for other in rng.uniform(0, 1, (20, n)):
-            assert w @ other <= objective.size(weights) * objective.value(other, weights) + 1e-9
+            assert w @ other <= objective.size(weights) * objective.value(other, weights) + slack
 
 
 @pytest.fixture
