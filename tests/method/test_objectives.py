@@ -140,7 +140,8 @@ def test_no_step_from_a_proximal_point_is_better(seed, n, strength) -> None:
 def test_what_a_proximal_step_takes_away_is_below_the_objective_for_all_losses(seed, n) -> None:
     """So it is a valid w for the certificate (Moreau).
 
-    A frame that counts for nothing weighs LEAST_WEIGHT in a step: it moves ranks, at most Σω, and means, at most 5.
+    A frame that counts for nothing weighs LEAST_WEIGHT in a step: it moves ranks, at most Σω, and means,
+    at most 5.
     """
     values, weights = drawn(seed, n)
     rng = np.random.default_rng(seed)
