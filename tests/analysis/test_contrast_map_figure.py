@@ -104,6 +104,9 @@ def test_a_contrast_map_tells_band_and_loss_and_a_black_frame_that_nothing_is_vi
     words = " ".join(texts_on(contrast_map_figure(frame, made, made, "x")))
     assert f"{made.frequency:.3g} cpd" in words
     assert f"{100 * made.lost_share:.1f} %" in words
+    assert "the finest with visible contrast" in words
+    averaged = contrast_map_figure(frame, dataclasses.replace(made, averaged=True), made, "x")
+    assert "the finest that is drawn" in " ".join(texts_on(averaged))
     black = contrast_map(np.zeros((16, 16, 3), np.uint8), 0.5, display)
     drawn = contrast_map_figure(np.zeros((16, 16, 3), np.uint8), black, black, "x")
     assert "Nothing in this frame is visible" in " ".join(texts_on(drawn))

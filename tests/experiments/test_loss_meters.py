@@ -9,8 +9,9 @@ import pytest
 from compute_shaders import own_context
 
 from evenlight.data_schema.display import Display
-from evenlight.experiments.playback.loss_meters import GpuMeter, ProcessorMeter
+from evenlight.experiments.playback.loss_meters import GpuMeter, ProcessorMeter, open_meter
 from evenlight.experiments.playback.picture_luminance import PictureLuminance
+from evenlight.method.choices import Device
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.gpu.context import Fence, _Calls
@@ -82,6 +83,23 @@ def test_both_meters_say_the_loss_at_the_factor_asked_for(patient: bool) -> None
             assert meter.mean_luminance() == light.mean()
             assert (meter.channel_means() == light.channel_means()).all()
             meter.close()
+
+    in_context(test)
+
+
+@pytest.mark.parametrize("software", [False, True])
+def test_what_is_asked_for_measures_and_by_itself_no_program_does(monkeypatch: Any, software: bool) -> None:
+    monkeypatch.setattr("evenlight.method.gpu.context.is_software", lambda _: software)
+
+    def test(context: Any) -> None:
+        kinds = {}
+        for device in Device:
+            pictures = drawn(context, some_codes(8, 8))
+            meter = open_meter(context, pictures, HEADSET, lowest_factor=0.2, device=device, patient=True)
+            kinds[device] = type(meter)
+            meter.close()
+        by_itself = ProcessorMeter if software else GpuMeter
+        assert kinds == {Device.CPU: ProcessorMeter, Device.GPU: GpuMeter, Device.AUTO: by_itself}
 
     in_context(test)
 

@@ -11,6 +11,7 @@ from warm_evenlight import Run
 from evenlight.analysis.sweeps.sweep_report import fit_sweep
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.power_model import PowerModel
+from evenlight.data_schema.recordings.dataset_layout import READINGS
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.sweep_fit import DisplayFit, PowerFit
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
@@ -58,6 +59,8 @@ def test_a_luminance_sweep_ends_in_a_display_that_is_the_panels(lab, tmp_path):
     assert (done.code, done.err) == (0, "")
     assert "SIMULATED" in done.out
     folder = tmp_path / "lab/sweeps/luminance-sweep_01"
+    readings = len((folder / READINGS).read_text().splitlines())
+    assert f"complete: {readings} of {readings} readings in {folder}\n" in done.out
     display, truth = read_toml_record(Display, folder / "display.toml"), load_display("varjo-xr3")
     assert abs(display.gamma - truth.gamma) < 0.01
     assert abs(display.peak_luminance / truth.peak_luminance - 1) < 0.005

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from evenlight.stimuli.scenes.engine import renderer
-from evenlight.stimuli.scenes.engine.camera import Camera
+from evenlight.stimuli.scenes.engine.camera import FAR, NEAR, Camera
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+from evenlight.stimuli.scenes.engine.vertices import Blocks, not_hidden
 
 SIZE = (320, 180)
 CODE = 65535 / 1023  # pixel values per code of 10 bits
@@ -135,3 +136,24 @@ def test_a_picture_lacks_what_is_wrongly_taken_for_hidden(monkeypatch):
             drawn.encode()
             pictures.append(drawn.pixel_values().astype(int))
     assert (np.abs(pictures[0] - pictures[1]) > CODE + 1).any(axis=2).mean() > 1e-2
+
+
+@pytest.mark.parametrize("turns", range(4))
+@pytest.mark.parametrize(("across", "seen"), [((0.2, 0.8), False), ((-0.3, 0.8), True)])
+def test_what_is_wholly_behind_a_wall_is_left_out_whatever_is_beside_it(turns, across, seen):
+    """A wall 5 m ahead fills half of the view, to the right, above, to the left or below; a box is at 10 m.
+
+    The eye is at the origin and looks along z: a point is at (x, y) / z of the view.
+    """
+    matrix = np.array([[1.0, 0, 0, 0], [0, 1.0, 0, 0], [0, 0, 1.0, 0], [0, 0, 1.0, 0]])
+    distance = np.full((32, 32), FAR)
+    distance[:, 16:] = 5.0
+    corners = np.array([[across[0], -0.3], [across[1], 0.3]]) * [[10.0], [10.0]]
+    for _ in range(turns):  # the view, counted from below, by a quarter each
+        distance, corners = np.rot90(distance, -1), corners @ [[0.0, 1.0], [-1.0, 0.0]]
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    one = np.zeros(1, dtype=np.int64)
+    block = Blocks(one, one, one + 1, np.array([[*low, 10.0]]), np.array([[*high, 10.1]]), one == 1)
+    depth = ((FAR + NEAR - 2 * FAR * NEAR / distance) / (FAR - NEAR) + 1) / 2
+    kept = not_hidden(block, one, matrix, np.ascontiguousarray(depth, dtype=np.float32))
+    assert kept.tolist() == ([0] if seen else [])
