@@ -10,22 +10,17 @@ prints a table over all drivers: exchanges, right readings, errors by fault, rea
 from __future__ import annotations
 
 import contextlib
-import heapq
-import os
-import select
-import socket
 import sys
 import tempfile
-import threading
 import time
-import tty
-from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
+from emulators.link import EmulatedLink
+from spoilt_replies import NowAndThen, Spoiler, Tally
 
 from evenlight.hardware.drivers import scpi_dialogue
 from evenlight.hardware.drivers.ddc_backlight import DdcBacklight
@@ -38,134 +33,20 @@ from evenlight.hardware.protocols import InstrumentError
 
 SHARE = 0.4  # of the replies that are spoilt
 TIMEOUT, PATIENT = 0.025, 30.0  # [s] while replies are spoilt, and before
-LATE = (0.03, 0.08)  # [s]
-ON_A_LINE = ("lost", "cut", "merged", "doubled", "late", "stray before", "stray after", "garbage", "silence")
+LATE, AFTER = (0.03, 0.08), (0.0, 0.001, 0.004)  # [s]
+ON_A_LINE = (
+    "lost bytes", "cut", "without its end", "doubled", "late",
+    "stray before", "stray after", "garbage", "silence",
+)  # fmt: skip
 FLIPPED = "flipped bit"  # only where a checksum tells it
 
 
-@dataclass
-class Tally:
-    """What came of some exchanges."""
-
-    exchanges: int = 0
-    right: int = 0
-    errors: Counter[str] = field(default_factory=Counter)
-    made_up: list[str] = field(default_factory=list)
-
-    def fail(self, error: InstrumentError) -> None:
-        """Count an exchange that ended with an error."""
-        self.exchanges += 1
-        self.errors[error.fault.value] += 1
-
-    def count(self, read: Callable[[], Any], is_true: Callable[[Any], bool]) -> None:
-        """Count one exchange: a reading, none yet (None), or an error."""
-        try:
-            reading = read()
-        except InstrumentError as error:
-            self.fail(error)
-            return
-        if reading is not None:
-            self.exchanges += 1
-            self.right += is_true(reading)
-            if not is_true(reading):
-                self.made_up.append(repr(reading))
-
-
-class Spoiler:
-    """Makes of a reply what arrives of it: bytes, each with a delay [s]."""
-
-    def __init__(self, rng: np.random.Generator, kinds: tuple[str, ...], strays: tuple[bytes, ...]) -> None:
-        self._rng, self._kinds, self._strays, self.share = rng, kinds, strays, 0.0
-        self.apart, self._whole = 0, 0  # replies that are whole after one that was not, and are so yet
-
-    def spoil(self, reply: bytes) -> list[tuple[float, bytes]]:
-        """Return what arrives of a reply, whole or not."""
-        rng = self._rng
-        self._whole -= 1
-        if rng.random() >= self.share or not reply or self._whole >= 0:
-            return [(0.0, reply)]
-        self._whole = self.apart
-        place = int(rng.integers(len(reply)))
-        stray = self._strays[int(rng.integers(len(self._strays)))]
-        match self._kinds[int(rng.integers(len(self._kinds)))]:
-            case "lost":
-                gone = set(rng.integers(0, len(reply), size=int(rng.integers(1, 4))).tolist())
-                return [(0.0, bytes(b for i, b in enumerate(reply) if i not in gone))]
-            case "cut":
-                return [(0.0, reply[:place])]
-            case "merged":
-                return [(0.0, reply.rstrip(b"\r\n"))]
-            case "doubled":
-                return [(0.0, reply), (float(rng.choice([0.0, 0.001, 0.004])), reply)]
-            case "late":
-                return [(float(rng.uniform(*LATE)), reply)]
-            case "stray before":
-                return [(0.0, stray + reply)]
-            case "stray after":
-                return [(0.0, reply), (float(rng.choice([0.0, 0.001, 0.01])), stray)]
-            case "garbage":
-                end = place + int(rng.integers(4, 40))
-                noise = rng.integers(0, 256, size=len(reply[place:end])).astype(np.uint8).tobytes()
-                return [(0.0, reply[:place] + noise + reply[end:])]
-            case "flipped bit":
-                flipped = bytes([reply[place] ^ 1 << int(rng.integers(8))])
-                return [(0.0, reply[:place] + flipped + reply[place + 1 :])]
-        return []
-
-
-class Wire(threading.Thread):
-    """Serves a stand-in at a port of the loopback, or at a pseudo-terminal, through a spoiler."""
-
-    def __init__(self, stand_in: Any, spoiler: Spoiler, *, terminal: bool = False) -> None:
-        super().__init__(daemon=True)
-        self._stand_in, self._spoiler, self._ended = stand_in, spoiler, threading.Event()
-        self._due: list[tuple[float, int, bytes]] = []
-        self._count, self._other, self._last = 0, -1, 0.0
-        if terminal:
-            self._own, self._other = os.openpty()
-            tty.setraw(self._other)
-            self.address = os.ttyname(self._other)
-        else:
-            self._listener = socket.create_server(("127.0.0.1", 0))
-            self.port = self._listener.getsockname()[1]
-            self.address = f"socket://127.0.0.1:{self.port}"
-        self.start()
-
-    def run(self) -> None:
-        """Answer until the end."""
-        with contextlib.suppress(OSError):
-            if self._other < 0:
-                client, _ = self._listener.accept()
-                client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-                self._own = client.detach()
-            while not self._ended.is_set():
-                self._serve()
-        for descriptor in (getattr(self, "_own", -1), self._other):
-            if descriptor >= 0:
-                os.close(descriptor)
-        if self._other < 0:
-            self._listener.close()
-
-    def _serve(self) -> None:
-        """Take what was sent, and send what is due."""
-        ready, _, _ = select.select([self._own], [], [], 0.0005)
-        replies = []
-        if ready:
-            if not (data := os.read(self._own, 4096)):
-                raise OSError
-            replies = self._stand_in.take(data)
-        for reply in [*replies, *self._stand_in.unasked()]:
-            for delay, part in self._spoiler.spoil(reply):
-                self._count += 1
-                self._last = max(self._last, time.monotonic() + delay)  # a line keeps the order
-                heapq.heappush(self._due, (self._last, self._count, part))
-        while self._due and self._due[0][0] <= time.monotonic():
-            os.write(self._own, heapq.heappop(self._due)[2])
-
-    def end(self) -> None:
-        """Close the link."""
-        self._ended.set()
-        self.join(timeout=2)
+def spoiling(
+    rng: np.random.Generator, kinds: tuple[str, ...], strays: tuple[bytes, ...], *, lines: bool = True
+) -> NowAndThen:
+    """Return what spoils replies, once its share is set."""
+    spoiler = Spoiler(rng, kinds, lambda: strays[int(rng.integers(len(strays)))], LATE, AFTER)
+    return NowAndThen(spoiler, lines=lines)
 
 
 class BenchSupply:
@@ -176,13 +57,13 @@ class BenchSupply:
         self._came, self._count = b"", 0
         self.measured = ""  # last
 
-    def take(self, data: bytes) -> list[bytes]:
+    def receive(self, data: bytes) -> bytes:
         *lines, self._came = (self._came + data).split(b"\n")
         answers = [self._unit(line.decode("ascii").strip()) for line in lines]
-        return [answer.encode("ascii") + b"\n" for answer in answers if answer]
+        return "".join(f"{answer}\n" for answer in answers if answer).encode("ascii")
 
-    def unasked(self) -> list[bytes]:
-        return []
+    def stream(self) -> bytes:
+        return b""
 
     def _unit(self, unit: str) -> str:
         match unit.upper():
@@ -217,15 +98,15 @@ class Board:
         self.measured: dict[int, int] = {}  # [µW] by the number of the sample, since START
         self.bursts = 4  # samples at once
 
-    def take(self, data: bytes) -> list[bytes]:
+    def receive(self, data: bytes) -> bytes:
         *lines, self._came = (self._came + data).split(b"\n")
-        return [self._sent(self._answer(line)) for line in lines]
+        return b"".join(self._sent(self._answer(line)) for line in lines)
 
-    def unasked(self) -> list[bytes]:
+    def stream(self) -> bytes:
         if not self.sampling or time.monotonic() < self._next:
-            return []
+            return b""
         self._next = time.monotonic() + 0.002
-        return [self._sample() for _ in range(self.bursts)]
+        return b"".join(self._sample() for _ in range(self.bursts))
 
     def _sample(self) -> bytes:
         number = len(self.measured)
@@ -271,25 +152,25 @@ class Profiler:
     def __init__(self) -> None:
         self._came, self.sampling, self.sent = b"", False, 0
 
-    def take(self, data: bytes) -> list[bytes]:
-        replies = []
+    def receive(self, data: bytes) -> bytes:
+        replies = b""
         for code in data:  # parameters of commands are no codes that matter here
             if code == 0x19:
-                replies.append(self._calibration())
+                replies += self._calibration()
             elif code == 0x06:
                 self.sampling, self.sent = True, 0
             elif code == 0x07:
                 self.sampling = False
         return replies
 
-    def unasked(self) -> list[bytes]:
+    def stream(self) -> bytes:
         if not self.sampling:
-            return []
+            return b""
         numbers = np.arange(self.sent, self.sent + 160)
         self.sent += 160
         words = self.converter(numbers) | 4 << 14 | (numbers % 64) << 18
         time.sleep(0.001)
-        return [words.astype("<u4").tobytes()]
+        return bytes(words.astype("<u4").tobytes())
 
     @staticmethod
     def converter(numbers: Any) -> Any:
@@ -359,25 +240,13 @@ def monitor(rng: np.random.Generator) -> Any:
     return Monitor(0)
 
 
-@contextlib.contextmanager
-def wired(stand_in: Any, spoiler: Spoiler, *, terminal: bool = False) -> Iterator[Wire]:
-    """Serve a stand-in."""
-    wire = Wire(stand_in, spoiler, terminal=terminal)
-    try:
-        yield wire
-    finally:
-        spoiler.share = 0.0
-        wire.end()
-
-
 def scpi(n: int, rng: np.random.Generator, form: str, power: float, *, visa: bool = False) -> Tally:
     """Samples of a SCPI instrument over a socket, or over a socket of VISA."""
     supply, tally = BenchSupply(form, power), Tally()
-    spoiler = Spoiler(
-        rng, ON_A_LINE, (b"49.5\n", b"0.7003\n", b"+6.10000E-01\n", b"1\n", b'0,"No error"\n', b"\n")
-    )
-    with wired(supply, spoiler) as wire:
-        place = f"TCPIP::127.0.0.1::{wire.port}::SOCKET" if visa else wire.address
+    strays = (b"49.5\n", b"0.7003\n", b"+6.10000E-01\n", b"1\n", b'0,"No error"\n', b"\n")
+    spoiler = spoiling(rng, ON_A_LINE, strays)
+    with EmulatedLink(supply, spoil=spoiler) as link:
+        place = f"TCPIP::127.0.0.1::{urlsplit(link.url).port}::SOCKET" if visa else link.url
         with (VisaPowerMeter if visa else ScpiPowerMeter)(place, timeout=PATIENT) as meter:
             meter.start(1000.0)
             meter._period = 1e-6  # always due
@@ -399,19 +268,21 @@ def board_power(n: int, rng: np.random.Generator) -> Tally:
     """Samples that a board streams, started anew after an error."""
     board, tally = Board(), Tally()
     strays = (b"P 3 5000000 49500000 0\n", b"49.5\n", board._sent("OK 1 B 7"), b"\n", b"*\n")
-    spoiler = Spoiler(rng, (*ON_A_LINE, FLIPPED), strays)
+    spoiler = spoiling(rng, (*ON_A_LINE, FLIPPED), strays)
 
     def is_true(sample: Any) -> bool:
         return board.measured.get(sample.sequence) == round(sample.power * 1e6)
 
-    with wired(board, spoiler) as wire, BoardPowerMeter(wire.address, timeout=PATIENT) as meter:
+    with EmulatedLink(board, spoil=spoiler) as link, BoardPowerMeter(link.url, timeout=PATIENT) as meter:
         meter._board._timeout = 0.2
         while tally.exchanges < n:
             stream(meter, spoiler, SHARE, tally, is_true)
     return tally
 
 
-def stream(meter: Any, spoiler: Spoiler, share: float, tally: Tally, is_true: Callable[[Any], bool]) -> None:
+def stream(
+    meter: Any, spoiler: NowAndThen, share: float, tally: Tally, is_true: Callable[[Any], bool]
+) -> None:
     """Start a meter, and count its samples until it fails, or for a while."""
     spoiler.share = 0.0
     try:
@@ -431,8 +302,11 @@ def board_backlight(n: int, rng: np.random.Generator) -> Tally:
     """Settings and readings of a board's PWM."""
     board, tally = Board(), Tally()
     strays = (board._sent("OK 7 B 7"), board._sent("OK 999 B? 9"), b"B 7\n", b"\n")
-    spoiler = Spoiler(rng, (*ON_A_LINE, FLIPPED), strays)
-    with wired(board, spoiler) as wire, BoardBacklight(wire.address, timeout=PATIENT) as backlight:
+    spoiler = spoiling(rng, (*ON_A_LINE, FLIPPED), strays)
+    with (
+        EmulatedLink(board, spoil=spoiler) as link,
+        BoardBacklight(link.url, timeout=PATIENT) as backlight,
+    ):
         spoiler.share, backlight._board._timeout = SHARE, TIMEOUT
         while tally.exchanges < n:
             factor = float(rng.uniform(0.1, 1.0))
@@ -447,17 +321,16 @@ def board_backlight(n: int, rng: np.random.Generator) -> Tally:
 def profiler(n: int, rng: np.random.Generator) -> Tally:
     """Averages of a PPK2's words, started anew after an error."""
     device, tally = Profiler(), Tally()
-    spoiler = Spoiler(
-        rng, ("lost", "cut", "doubled", "garbage", "silence", "stray before"), (b"\x00\x80", b"OK\r\n")
-    )
+    kinds = ("lost bytes", "cut", "doubled", "garbage", "silence", "stray before")
+    spoiler = spoiling(rng, kinds, (b"\x00\x80", b"OK\r\n"), lines=False)
 
     def is_true(sample: Any) -> bool:
         expected = device.power(float(device.converter(np.array(sample.sequence * 100 + 50))))
         return abs(sample.power - expected) < device.power(10)  # 1000 words sooner or later
 
     with (
-        wired(device, spoiler, terminal=True) as wire,
-        Ppk2PowerMeter(f"{wire.address}?voltage=5.0", timeout=0.3) as meter,
+        EmulatedLink(device, spoil=spoiler, pseudo_terminal=True) as link,
+        Ppk2PowerMeter(f"{link.url}?voltage=5.0", timeout=0.3) as meter,
     ):
         while tally.exchanges < n:
             stream(meter, spoiler, SHARE / 8, tally, is_true)

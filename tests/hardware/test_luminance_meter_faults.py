@@ -13,10 +13,10 @@ from __future__ import annotations
 import os
 import subprocess
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
+from itertools import accumulate, count
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,6 +24,7 @@ import numpy as np
 import pytest
 import serial
 from emulators.ours import OURS, LinkKind
+from spoilt_replies import Spoiler, Tally
 
 from evenlight.hardware.drivers import serial_link, serial_meter
 from evenlight.hardware.drivers.colorcal import ColorCal
@@ -31,12 +32,13 @@ from evenlight.hardware.drivers.konica_minolta import Cs100a, Ls100, Ls110
 from evenlight.hardware.drivers.photo_research import Pr650, Pr655, Pr670
 from evenlight.hardware.drivers.spotread import Spotread
 from evenlight.hardware.installed_drivers import InstrumentKind
-from evenlight.hardware.protocols import InstrumentError, LuminanceMeter
+from evenlight.hardware.protocols import InstrumentError, LuminanceMeter, Reading
 
 EXCHANGES = int(os.environ.get("EVENLIGHT_FAULT_EXCHANGES", "200"))
 TIMEOUT = 0.2  # [s] on the clock below
 FAULTY = 0.6  # share of exchanges that a fault strikes: one of the replies in it
 N_REPLIES = 3  # among which it is chosen
+LATE, AFTER = (0.1, 0.9), (0.0, 0.004, 0.02, 0.3)  # [s]
 SESSION = 50  # readings between one opening and the next
 FAULTS = (
     "lost bytes",
@@ -100,6 +102,10 @@ class StandIn:
         sent, value = self.reading()
         self.measured.append(value)
         return sent
+
+    def on_the_line(self, sent: bytes) -> bytes:
+        """What a port that knows no parity hands over: seven bits with even parity on top."""
+        return bytes(byte | (byte.bit_count() % 2) << 7 for byte in sent) if self.parity else sent
 
     def light(self, highest: float = 3000.0) -> Value:
         """Some light: never the same again, so that an old value is told from a new one."""
@@ -243,73 +249,40 @@ class StandInSpotread(StandIn):
         return f"\n{text}\n\n".encode(), (luminance, x, y)
 
 
-@dataclass
 class Faults:
-    """What happens to a reply on its way."""
+    """Strikes one reply of an exchange, or none: of two at once nothing can be told.
 
-    rng: np.random.Generator
-    struck: Counter[str] = field(default_factory=Counter)
-    on: bool = True
-    left: int = 0  # replies until one is struck
-    until: float = 0.0  # when what the last one made has come [s]
+    A second instrument's answer, say, where one's own is lost.
+    """
+
+    def __init__(self, stand_in: StandIn) -> None:
+        self._rng, self._stand_in = stand_in.rng, stand_in
+        kinds = tuple(kind for kind in FAULTS if stand_in.flips or kind != "flipped bit")
+        self.spoiler = Spoiler(stand_in.rng, kinds, self._stray, LATE, AFTER)
+        self.on, self.until = True, 0.0  # when what the last one made has come [s]
+        self.left = 0  # replies until one is struck
 
     def begin_exchange(self, now: float) -> None:
-        """Choose the reply that is struck, if one is: one fault at a time.
+        """Choose the reply that is struck, if one is."""
+        strikes = self.on and now >= self.until and self._rng.random() < FAULTY
+        self.left = int(self._rng.integers(1, N_REPLIES + 1)) if strikes else 0
 
-        Of two at once nothing can be told: a second instrument's answer, where one's own is lost.
-        """
-        strikes = self.on and now >= self.until and self.rng.random() < FAULTY
-        self.left = int(self.rng.integers(1, N_REPLIES + 1)) if strikes else 0
-
-    def arrivals(self, stand_in: StandIn, sent: bytes) -> tuple[float, list[tuple[float, bytes]]]:
-        """How much later a reply is complete [s], and what comes: when after that [s], and which bytes."""
-        coded = _with_parity(sent) if stand_in.parity else sent
+    def arrivals(self, begun: float, sent: bytes) -> list[tuple[float, bytes]]:
+        """What comes of a reply that is complete at a time, and when [s]."""
         self.left -= 1
         if self.left != 0:
-            return 0.0, [(0.0, coded)]
-        fault = str(self.rng.choice(FAULTS))
-        if fault == "flipped bit" and not stand_in.flips:
-            fault = "cut"
-        self.struck[fault] += 1
-        other = stand_in.reading()[0]  # of a second instrument
-        if isinstance(stand_in, StandInSpotread):  # a program has its output for itself
-            other = b""
-        elif self.rng.random() < 0.2:
-            other = b"OK00,   77.7\r\n"  # of another model
-        other = _with_parity(other) if stand_in.parity else other
-        place = int(self.rng.integers(len(coded)))
-        match fault:
-            case "lost bytes":
-                lost = set(self.rng.choice(len(coded), size=int(self.rng.integers(1, 4))).tolist())
-                return 0.0, [(0.0, bytes(b for i, b in enumerate(coded) if i not in lost))]
-            case "cut":
-                return 0.0, [(0.0, coded[:place])]
-            case "merged":
-                second = other if self.rng.random() < 0.5 else coded
-                kept = len(coded) - len(stand_in.end) if self.rng.random() < 0.5 else max(place, 3)
-                return 0.0, [(0.0, coded[:kept] + second)]
-            case "doubled":
-                return 0.0, [(0.0, coded), (float(self.rng.choice([0.0, 0.004, 0.3])), coded)]
-            case "late":
-                return float(self.rng.uniform(0.1, 0.9)), [(0.0, coded)]
-            case "stray before":
-                return 0.02, [(-0.02, other), (0.0, coded)]
-            case "stray after":
-                return 0.0, [(0.0, coded), (float(self.rng.choice([0.0, 0.002])), other)]
-            case "unasked":
-                return 0.0, [(0.0, coded), (float(self.rng.uniform(0.0, 1.0)), other)]
-            case "garbage":
-                return 0.0, [(0.0, self.rng.bytes(int(self.rng.integers(1, 40))) + stand_in.end)]
-            case "flipped bit":
-                flipped = bytearray(coded)
-                flipped[place] ^= 1 << int(self.rng.integers(8))
-                return 0.0, [(0.0, bytes(flipped))]
-        return 0.0, []
+            return [(begun, sent)]
+        spoilt = self.spoiler.spoil(sent)
+        times = accumulate((pause for pause, _ in spoilt), initial=begun)
+        next(times)
+        return [(when, part) for when, (_, part) in zip(times, spoilt, strict=True)]
 
-
-def _with_parity(sent: bytes) -> bytes:
-    """Seven bits with even parity on top, as a port that knows no parity hands them over."""
-    return bytes(byte | (byte.bit_count() % 2) << 7 for byte in sent)
+    def _stray(self) -> bytes:
+        """What a second instrument sends, of another model now and then."""
+        if isinstance(self._stand_in, StandInSpotread):  # a program has its output for itself
+            return b""
+        other = b"OK00,   77.7\r\n" if self._rng.random() < 0.2 else self._stand_in.reading()[0]
+        return self._stand_in.on_the_line(other)
 
 
 class Wire:
@@ -319,15 +292,17 @@ class Wire:
         self._stand_in, self._faults, self._clock = stand_in, faults, clock
         self._free = 0.0  # when the instrument has answered everything [s]
         self._on_its_way: list[tuple[float, int, bytes]] = []
+        self._numbers = count()
 
     def write(self, data: bytes) -> None:
-        for duration, sent in self._stand_in.take(data):
-            later, arrivals = self._faults.arrivals(self._stand_in, sent)
-            self._free = max(self._free, self._clock.now) + duration + later
+        for duration, answer in self._stand_in.take(data):
+            sent = self._stand_in.on_the_line(answer)
+            self._free = max(self._free, self._clock.now) + duration
+            arrivals = self._faults.arrivals(self._free, sent)
+            self._free = min((when for when, part in arrivals if part == sent), default=self._free)
             if self._faults.left == 0:
-                self._faults.until = max([self._free, *(self._free + when for when, _ in arrivals)])
-            for when, part in arrivals:
-                self._on_its_way.append((self._free + when, len(self._on_its_way), part))
+                self._faults.until = max((when for when, _ in arrivals), default=self._free)
+            self._on_its_way += [(when, next(self._numbers), part) for when, part in arrivals]
 
     def flush(self) -> None: ...
 
@@ -338,15 +313,6 @@ class Wire:
         due = sorted(each for each in self._on_its_way if each[0] <= self._clock.now)
         self._on_its_way = [each for each in self._on_its_way if each[0] > self._clock.now]
         return b"".join(part for *_, part in due)
-
-
-@dataclass
-class Tally:
-    """What came of the exchanges with one instrument."""
-
-    right: int = 0
-    made_up: list[str] = field(default_factory=list)
-    errors: Counter[str] = field(default_factory=Counter)
 
 
 METERS: dict[str, tuple[type[StandIn], Callable[..., LuminanceMeter]]] = {
@@ -377,10 +343,10 @@ def put_behind_spotread(monkeypatch: pytest.MonkeyPatch, stand_in: StandInSpotre
     def run(arguments: list[str], **_: Any) -> SimpleNamespace:
         if "-?" in arguments:
             return SimpleNamespace(stdout=stand_in.listed)
-        arrived = faults.arrivals(stand_in, stand_in.measure())[1]
+        arrived = faults.arrivals(0.0, stand_in.measure())
         if not arrived:
             raise subprocess.TimeoutExpired(arguments, TIMEOUT)
-        return SimpleNamespace(stdout=b"".join(part for _, part in sorted(arrived, key=lambda each: each[0])))
+        return SimpleNamespace(stdout=b"".join(part for _, part in arrived))
 
     monkeypatch.setattr("shutil.which", lambda program: program)
     monkeypatch.setattr(subprocess, "run", run)
@@ -390,17 +356,12 @@ def tried(meter: LuminanceMeter, stand_in: StandIn, faults: Faults, tally: Tally
     """One exchange; whether it made a reading."""
     del stand_in.measured[:]
     faults.begin_exchange(now)
-    try:
-        reading = meter.read_luminance()
-    except InstrumentError as error:
-        tally.errors[error.fault.value] += 1
-        return False
-    found = (reading.value, *(reading.chromaticity or (0.0, 0.0)))
-    if any(found == pytest.approx(value, rel=1e-9) for value in stand_in.measured):
-        tally.right += 1
-    else:
-        tally.made_up.append(f"{found} for {stand_in.measured}")
-    return True
+
+    def is_true(reading: Reading) -> bool:
+        found = (reading.value, *(reading.chromaticity or (0.0, 0.0)))
+        return any(found == pytest.approx(value, rel=1e-9) for value in stand_in.measured)
+
+    return tally.count(meter.read_luminance, is_true)
 
 
 def opened(
@@ -426,7 +387,8 @@ def test_no_fault_on_the_way_makes_up_a_number(
     """A reading is one of those that the instrument made for that question, as it sent it."""
     kind, driver = METERS[name]
     rng = np.random.default_rng(sum(name.encode()))
-    stand_in, faults, tally = kind(rng), Faults(rng), Tally()
+    stand_in, tally = kind(rng), Tally()
+    faults = Faults(stand_in)
     begun = time.monotonic()
     if isinstance(stand_in, StandInSpotread):
         put_behind_spotread(monkeypatch, stand_in, faults)
@@ -447,12 +409,13 @@ def test_no_fault_on_the_way_makes_up_a_number(
     with opened(open_meter, faults, Tally(), clock.monotonic) as meter:
         assert any(tried(meter, stand_in, faults, Tally()) for _ in range(3)), "is not itself again"
     print(
-        f"\n{name}: {EXCHANGES} exchanges, {sum(faults.struck.values())} faults, {tally.right} right, "
-        f"{len(tally.made_up)} made up, errors {dict(tally.errors)}, {time.monotonic() - begun:.1f} s"
+        f"\n{name}: {EXCHANGES} exchanges, {sum(faults.spoiler.struck.values())} faults, "
+        f"{tally.right} right, {len(tally.made_up)} made up, errors {dict(tally.errors)}, "
+        f"{time.monotonic() - begun:.1f} s"
     )
     assert not tally.made_up, tally.made_up[:3]
     assert tally.right > 0.3 * EXCHANGES
-    assert len(faults.struck) >= len(FAULTS) - 1
+    assert len(faults.spoiler.struck) >= len(faults.spoiler.kinds) - 1
 
 
 def test_every_luminance_meter_that_answers_by_itself_is_among_them() -> None:

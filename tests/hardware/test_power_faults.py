@@ -9,10 +9,13 @@ import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
+from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
-from faulty_power_devices import DEVICES, PATIENT, BenchSupply, Spoiler, Tally, short_silences, wired
+from emulators.link import EmulatedLink
+from faulty_power_devices import DEVICES, PATIENT, BenchSupply, short_silences
+from spoilt_replies import Tally
 
 from evenlight.hardware.drivers.nordic_ppk2 import Ppk2PowerMeter
 from evenlight.hardware.drivers.power_board import BoardPowerMeter
@@ -48,21 +51,20 @@ class Shifted(BenchSupply):
         super().__init__("{:.2f}", 1.25)
         self.held: list[bytes] = []
 
-    def take(self, data: bytes) -> list[bytes]:
-        answers = super().take(data)
+    def receive(self, data: bytes) -> bytes:
+        answers = super().receive(data).splitlines(keepends=True)
         if not self.held:
-            return answers
+            return b"".join(answers)
         due, self.held = self.held, self.held[1:] + answers
-        return due[:1] if answers else []
+        return due[0] if answers else b""
 
 
 def test_one_stray_line_shifts_no_answer() -> None:
     supply = Shifted()
-    spoiler = Spoiler(np.random.default_rng(1), ("silence",), (b"",))
     with (
         short_silences(),
-        wired(supply, spoiler) as wire,
-        ScpiPowerMeter(wire.address, timeout=PATIENT) as meter,
+        EmulatedLink(supply) as link,
+        ScpiPowerMeter(link.url, timeout=PATIENT) as meter,
     ):
         meter.start(1000.0)
         meter._dialogue._timeout = 0.1
@@ -83,18 +85,16 @@ def test_one_stray_line_shifts_no_answer() -> None:
     ("answer", "power"), [("1.25W", 1.25), ("500mW", 0.5), ("+1.25E+00V", None), ("1E30", None)]
 )
 def test_units_are_read_and_what_no_panel_takes_is_refused(answer, power) -> None:
-    spoiler = Spoiler(np.random.default_rng(1), ("silence",), (b"",))
-
     class Fixed(BenchSupply):
         def _unit(self, unit: str) -> str:
             return answer if unit == "MEAS:POW?" else super()._unit(unit)
 
-    with wired(Fixed("", 0.0), spoiler) as wire, contextlib.ExitStack() as stack:
+    with EmulatedLink(Fixed("", 0.0)) as link, contextlib.ExitStack() as stack:
         if power is None:
             with pytest.raises(InstrumentError, match=r"1e\+30 W|does not measure power"):
-                stack.enter_context(ScpiPowerMeter(wire.address, timeout=PATIENT)).start(100.0)
+                stack.enter_context(ScpiPowerMeter(link.url, timeout=PATIENT)).start(100.0)
             return
-        meter = stack.enter_context(ScpiPowerMeter(wire.address, timeout=PATIENT))
+        meter = stack.enter_context(ScpiPowerMeter(link.url, timeout=PATIENT))
         meter.start(100.0)
         assert [sample.power for sample in [*meter.samples(), *meter.stop()]] == [power]
 
@@ -106,13 +106,13 @@ class Yokogawa:
         self._came, self._header, self._follows = b"", header, follows_item
         self._items, self._number = ["U,1", "I,1", "P,1"], 3
 
-    def take(self, data: bytes) -> list[bytes]:
+    def receive(self, data: bytes) -> bytes:
         *lines, self._came = (self._came + data).split(b"\n")
         answers = [self._unit(line.decode()) for line in lines]
-        return [f"{answer}\n".encode() for answer in answers if answer]
+        return "".join(f"{answer}\n" for answer in answers if answer).encode()
 
-    def unasked(self) -> list[bytes]:
-        return []
+    def stream(self) -> bytes:
+        return b""
 
     def _unit(self, unit: str) -> str:
         values = {"U,1": "5.0000E+00", "I,1": "0.2500E+00", "P,1": "1.2500E+00"}
@@ -134,10 +134,9 @@ class Yokogawa:
 
 @pytest.mark.parametrize("header", [True, False])
 def test_a_yokogawa_is_asked_for_power_and_nothing_else(header) -> None:
-    spoiler = Spoiler(np.random.default_rng(1), ("silence",), (b"",))
     with (
-        wired(Yokogawa(header=header), spoiler) as wire,
-        ScpiPowerMeter(wire.address, timeout=PATIENT) as meter,
+        EmulatedLink(Yokogawa(header=header)) as link,
+        ScpiPowerMeter(link.url, timeout=PATIENT) as meter,
     ):
         meter.start(100.0)
         assert [sample.power for sample in [*meter.samples(), *meter.stop()]] == [1.25]
@@ -145,25 +144,23 @@ def test_a_yokogawa_is_asked_for_power_and_nothing_else(header) -> None:
 
 
 def test_a_yokogawa_whose_first_number_is_not_power_is_refused() -> None:
-    spoiler = Spoiler(np.random.default_rng(1), ("silence",), (b"",))
     with (
-        wired(Yokogawa(header=False, follows_item=False), spoiler) as wire,
+        EmulatedLink(Yokogawa(header=False, follows_item=False)) as link,
         pytest.raises(InstrumentError, match="does not measure power"),
     ):
-        ScpiPowerMeter(wire.address, timeout=PATIENT)
+        ScpiPowerMeter(link.url, timeout=PATIENT)
 
 
 class Echoing(BenchSupply):
     """A supply behind a serial converter that sends back what it is sent."""
 
-    def take(self, data: bytes) -> list[bytes]:
-        return [data, *super().take(data)]
+    def receive(self, data: bytes) -> bytes:
+        return data + super().receive(data)
 
 
 def test_questions_that_are_sent_back_are_no_answers() -> None:
-    spoiler = Spoiler(np.random.default_rng(1), ("silence",), (b"",))
     supply = Echoing("{:.4f}", 0.66)
-    with wired(supply, spoiler) as wire, ScpiPowerMeter(wire.address, timeout=PATIENT) as meter:
+    with EmulatedLink(supply) as link, ScpiPowerMeter(link.url, timeout=PATIENT) as meter:
         meter.start(100.0)
         samples = [*meter.samples(), *meter.stop()]
     assert [sample.power for sample in samples] == [float(supply.measured)]
@@ -209,14 +206,14 @@ class Wrong:
     def __init__(self, answer: bytes = b"", unasked: bytes = b"", every: float = 1.0) -> None:
         self._answer, self._unasked, self._every, self._next = answer, unasked, every, 0.0
 
-    def take(self, data: bytes) -> list[bytes]:
-        return [self._answer or data] if self._answer != b"-" else []
+    def receive(self, data: bytes) -> bytes:
+        return b"" if self._answer == b"-" else self._answer or data
 
-    def unasked(self) -> list[bytes]:
+    def stream(self) -> bytes:
         if not self._unasked or time.monotonic() < self._next:
-            return []
+            return b""
         self._next = time.monotonic() + self._every
-        return [self._unasked]
+        return self._unasked
 
 
 GPS = b"$GPGGA,092751.000,5321.6802,N,00630.3371,W,1,8,1.03,61.7,M,55.3,M,,*75\r\n"
@@ -228,10 +225,10 @@ WRONG: dict[str, Callable[[], Any]] = {
     "sends back": lambda: Wrong(),
 }
 OPENERS: dict[str, Callable[[Any], Any]] = {
-    "scpi": lambda wire: ScpiPowerMeter(wire.address),
-    "visa": lambda wire: VisaPowerMeter(f"TCPIP::127.0.0.1::{wire.port}::SOCKET"),
-    "board": lambda wire: BoardPowerMeter(wire.address),
-    "ppk2": lambda wire: Ppk2PowerMeter(f"{wire.address}?voltage=5.0"),
+    "scpi": lambda link: ScpiPowerMeter(link.url),
+    "visa": lambda link: VisaPowerMeter(f"TCPIP::127.0.0.1::{urlsplit(link.url).port}::SOCKET"),
+    "board": lambda link: BoardPowerMeter(link.url),
+    "ppk2": lambda link: Ppk2PowerMeter(f"{link.url}?voltage=5.0"),
 }
 
 
@@ -268,11 +265,10 @@ def clock() -> Iterator[WokenClock]:
 
 def told_at(driver: str, wrong: str, clock: WokenClock) -> tuple[float, InstrumentError]:
     """How long it takes to tell that a port is wrong [s], and how it is told."""
-    spoiler = Spoiler(np.random.default_rng(1), ("silence",), (b"",))
-    with wired(WRONG[wrong](), spoiler, terminal=driver == "ppk2") as wire:
+    with EmulatedLink(WRONG[wrong](), pseudo_terminal=driver == "ppk2") as link:
         begun = clock.now
         with pytest.raises(InstrumentError) as told:
-            OPENERS[driver](wire)
+            OPENERS[driver](link)
         return clock.now - begun, told.value
 
 

@@ -8,6 +8,7 @@ import select
 import socket
 import threading
 import time
+from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
 from typing import Protocol
@@ -71,6 +72,8 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
         The instrument.
     plan : FaultPlan, optional
         What goes wrong.
+    spoil : callable, optional
+        In place of a plan: what arrives of some bytes, each part with the pause before it [s].
     pseudo_terminal : bool, optional
         On a pseudo-terminal, which is a serial port of 8N1, instead of a socket, which is one of any setting.
 
@@ -81,9 +84,14 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
     """
 
     def __init__(
-        self, emulator: Emulator, plan: FaultPlan | None = None, *, pseudo_terminal: bool = False
+        self,
+        emulator: Emulator,
+        plan: FaultPlan | None = None,
+        spoil: Callable[[bytes], list[tuple[float, bytes]]] = lambda sent: [(0.0, sent)],
+        *,
+        pseudo_terminal: bool = False,
     ) -> None:
-        self._emulator, self._plan, self._replies = emulator, plan, 0
+        self._emulator, self._plan, self._spoil, self._replies = emulator, plan, spoil, 0
         self._reply_before = b""
         self._ended = threading.Event()
         self._server: _Server = _TerminalServer() if pseudo_terminal else _SocketServer()
@@ -126,7 +134,9 @@ class EmulatedLink(AbstractContextManager["EmulatedLink"]):
         self._replies += 1
         plan, (before, self._reply_before) = self._plan, (self._reply_before, data)
         if plan is None or not plan.strikes(self._replies):
-            self._send(data)
+            for pause, part in self._spoil(data):
+                time.sleep(pause)
+                self._send(part)
             return
         half = data[: max(1, len(data) // 2)]
         match plan.fault:
