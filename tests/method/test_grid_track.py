@@ -294,6 +294,14 @@ def test_with_a_block_for_each_frame_and_fine_cells_it_is_nearly_reached(seed) -
     assert least - bound(costs, 4, 0.5, 2000)[0] < 0.01 * scale
 
 
+def test_frames_about_an_anchor_save_only_where_they_can_be() -> None:
+    # The middle frame is cheapest at the lowest factor. The others are within 0.02 of it: in the first
+    # segment, or as blocks are counted the second, and there they cost the same everywhere.
+    loss = np.array([[1.0, 1.0, 1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0, 0.0], [1.0, 1.0, 1.0, 0.0, 0.0]])
+    costs = ChainCosts(loss, np.array([-1.0, -10.0, -1.0]), np.full(3, 1 / 3), 0.0, KNOTS_OF_CELL_CHAIN)
+    assert bound(costs, 4, 2.5, 10)[0] == pytest.approx(-12.0, abs=1e-12)
+
+
 def test_the_budget_used_is_the_slope_of_the_cost_over_the_price() -> None:
     costs = made(3, 12)
     nudged = costs._replace(price=costs.price + 1e-6)

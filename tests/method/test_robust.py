@@ -33,11 +33,13 @@ def measures(make_curves, make_problem):
     return made
 
 
-def test_measures_that_contradict_each_other_leave_constant_dimming(measures) -> None:
+@pytest.mark.parametrize("scale", [1.0, 0.1])
+def test_measures_that_contradict_each_other_leave_constant_dimming(measures, scale) -> None:
     # What the one measure loses in a frame, the other loses in its mirror image: every track and its mirror
     # image have mirrored shares, and a blend of the two, constant dimming for mirrored frames, is no worse.
+    # A measure in other units has the same shares.
     strengths = np.where(np.arange(N) % 2, 0.2, 0.5)
-    both = measures([strengths, strengths[::-1]])
+    both = measures([strengths, scale * strengths[::-1]])
     found, bound, _ = optimize_robustly(both, FAST)
     assert both.worst(found.factors) == pytest.approx(1.0, abs=0.01)
     assert bound > 0.95

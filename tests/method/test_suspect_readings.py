@@ -61,6 +61,12 @@ def test_what_is_tolerated_of_any_meter_is_no_suspicion() -> None:
     assert not judged({(1, 13): TRUE[13] * 1.015, (0, 0): 0.115}).left_out.any()
 
 
+def test_the_same_reading_again_is_no_suspicion_where_no_difference_is_tolerated() -> None:
+    # A panel off draws 0 W, of which no share can be tolerated.
+    read = np.tile([0.0, 1 / 3, 2 / 3], 10)
+    assert not suspect_readings(read, read, POWER_TOLERANCE).left_out.any()
+
+
 def test_readings_of_a_level_none_of_which_agree_are_all_left_out() -> None:
     # White as 70, 85 and 100, and its neighbour as 66, 66, 66: any of them may be right.
     below = np.minimum(TRUE, 66.0)

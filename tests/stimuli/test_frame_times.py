@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
+import weakref
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
@@ -329,6 +330,14 @@ def test_the_thread_ends_in_the_midst_of_a_long_video() -> None:
     assert threads() == 1
     buffer.close()
     assert video.closed
+
+
+def test_what_is_closed_lets_go_of_its_frames() -> None:
+    buffer = FrameBuffer(Video(20), 20)
+    levels = weakref.ref(buffer.frame(0).levels)
+    assert levels() is not None
+    buffer.close()
+    assert levels() is None
 
 
 # --- coarser frames
