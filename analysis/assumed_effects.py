@@ -14,7 +14,7 @@ from evenlight.analysis.report import Table
 from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.rows import Rows, with_interval
-from evenlight.analysis.wording import in_words
+from evenlight.analysis.wording import in_words, of_track
 from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.recordings.assumed_effect import CHOSEN, RATED, TIME_RATIO, AssumedEffect
 
@@ -51,7 +51,10 @@ def with_assumed(findings: Analysis, assumed: Sequence[AssumedEffect]) -> Analys
         "What is true of the simulated population, and what its answers here give, with 95 % confidence "
         "intervals (CI). A dash: not estimated by itself.",
         ("of", "effect", "assumed", "estimated", "95 % CI"),
-        tuple((in_words(own.group), own.what, f"{own.value:.2f}", *with_interval(row)) for own, row in both),
+        tuple(
+            (in_words(own.group), of_track(own.what), f"{own.value:.2f}", *with_interval(row))
+            for own, row in both
+        ),
     )
     rows = Rows(Origin.SIMULATED)
     for effect in assumed:

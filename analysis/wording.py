@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 
 
@@ -21,6 +22,15 @@ def spaced(name: str) -> str:
     'living room'
     """
     return name.replace("_", " ")
+
+
+def of_track(name: str) -> str:
+    """Return a version, or what a statistic of versions is called, as reports say it: `ours` is the track.
+
+    >>> of_track("mean difference, ours less baseline")
+    'mean difference, the track less baseline'
+    """
+    return re.sub(r"\bours\b", "the track", name)
 
 
 def counted(number: int, one: str, many: str = "") -> str:

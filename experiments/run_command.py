@@ -83,7 +83,7 @@ def run(
         pages_of(metavar="CODE", help="Language of the pages, such as en or de. Otherwise that of the rig."),
     ] = None,
     pages: Annotated[
-        Path | None, expert(metavar="DIR", help="Folder with pages of your own, in place of ours.")
+        Path | None, expert(metavar="DIR", help="Folder with pages of your own, in place of Evenlight's.")
     ] = None,
     font: Annotated[
         Path | None, expert(help="Font for the pages, for scripts that DejaVu Sans does not have.")

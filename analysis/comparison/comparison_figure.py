@@ -59,9 +59,9 @@ def shares_figure(found: Comparison) -> Drawing:
         axes.set_yticks(range(len(names)), labels)
         axes.set_xticks(np.arange(0, 1.01, 0.1), [f"{k}" for k in range(0, 101, 10)])
         axes.tick_params(axis="y", length=0)
-        axes.set_xlabel("ours taken for the one whose brightness changed [% of answers]")
+        axes.set_xlabel("the track taken for the one whose brightness changed [% of answers]")
     caption = (
-        "Share of answers that took the modulated version for the one whose brightness changed, with 95 % "
+        "Share of answers that took the track's version for the one whose brightness changed, with 95 % "
         f"confidence intervals; {participants(found.people)}. The band is {found.within}."
     )
     return Drawing("comparison_shares", figure, caption, tuple(plot.points))
@@ -74,7 +74,7 @@ def _draw_margin(axes: Axes, margin: float) -> None:
     axes.axvspan(HALF - margin, HALF + margin, **band)
     axes.axvline(HALF, color=style.MUTED, linewidth=size / 9, zorder=1)
     look: Look = {"textcoords": "offset points", "color": style.MUTED, "fontsize": 0.9 * size}
-    for share, said, side in ((0.0, "baseline chosen", "left"), (1.0, "ours chosen", "right")):
+    for share, said, side in ((0.0, "baseline chosen", "left"), (1.0, "the track chosen", "right")):
         axes.annotate(said, (share, 1.0), (0, 3), xycoords=("data", "axes fraction"), ha=side, **look)
 
 
@@ -135,7 +135,7 @@ def _draw_power(axes: Axes, numbers: Sequence[int]) -> Plot:
     chance: Look = {"textcoords": "offset points", "color": style.LIMIT, "ha": "right"}
     axes.annotate("5 %, by chance", (100, 5), (-2, 2), **chance)
     axes.set(xlim=(50, 100), ylim=(0, 101))
-    axes.set(xlabel="true share choosing ours [%]", ylabel="found to differ [% of experiments]")
+    axes.set(xlabel="true share choosing the track [%]", ylabel="found to differ [% of experiments]")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.13), handlelength=2.4)
     return plot
 

@@ -77,7 +77,7 @@ def key_figures_of(found: Comparison, limits: Limits) -> tuple[KeyFigure, ...]:
     sure = [] if share.p_value is None else [p_in_words(share.p_value)]
     if share.ci_low is not None and share.ci_high is not None and found.people >= FEWEST:
         sure.insert(0, f"95 % CI {100 * share.ci_low:.0f} to {percent(share.ci_high, 0)}")
-    figures = [KeyFigure(percent(found.pooled.choices.share), "of answers chose ours", ", ".join(sure))]
+    figures = [KeyFigure(percent(found.pooled.choices.share), "of answers chose the track", ", ".join(sure))]
     if len(found.shares) > 1:
         words = f"{len(found.beyond_chance('shares'))} of {len(found.shares)}"
         figures.append(KeyFigure(words, "sequences differ from a coin's 50 %", "exact tests, Holm"))
@@ -141,11 +141,11 @@ def _share_table(found: Comparison) -> Table:
         return (order.ours_first if order and order.trials else None,)
 
     return found.rows.view(
-        "How often the modulated version was taken for the one that changed, with 95 % confidence intervals. "
-        "“Ours first”: trials in which it came first.",
+        "How often the track's version was taken for the one that changed, with 95 % confidence intervals. "
+        "“The track first”: trials in which it came first.",
         _names(found),
         [("shares", CHOSEN, show) for show in (chosen, with_interval, p_with_holm, ours_first, flag)],
-        ("sequence", "ours chosen", "share", "95 % CI", "p", "p (Holm)", "ours first", "remark"),
+        ("sequence", "the track chosen", "share", "95 % CI", "p", "p (Holm)", "the track first", "remark"),
     )
 
 

@@ -86,7 +86,7 @@ class IntervalOrder:
         """What the order makes of a share; empty where both orders are frequent enough."""
         if self.unknown:
             return (
-                f"the interval of ours is unknown in {self.unknown} of {self.trials + self.unknown} "
+                f"the interval of the track is unknown in {self.unknown} of {self.trials + self.unknown} "
                 "trials: its choice cannot be told from a leaning to one interval"
             )
         rarer = min(self.ours_first, self.trials - self.ours_first)
@@ -95,8 +95,8 @@ class IntervalOrder:
         where = "first" if self.ours_first > rarer else "second"
         cause = "cannot be told" if self.constant else "can hardly be told"
         return (
-            f"ours came {where} in {self.trials - rarer} of {self.trials} trials: its choice {cause} from a "
-            "leaning to that interval"
+            f"the track came {where} in {self.trials - rarer} of {self.trials} trials: its choice {cause} "
+            "from a leaning to that interval"
         )
 
 
@@ -323,7 +323,7 @@ def _guessing(found: Comparison, rng: np.random.Generator) -> Rows:
     spread, p_value = sequence_differences(found.data.trials, answered, rng) or (None, None)
     by = f"largest share less smallest; {PERMUTATIONS} permutations within participants (Cochran's Q)"
     uneven = [spaced(name) for name, order in found.orders.items() if order.flag]
-    why = f"ours came nearly always in one interval in {listed(uneven)}" if uneven else ""
+    why = f"the track came nearly always in one interval in {listed(uneven)}" if uneven else ""
     why = "nobody compared two sequences" if spread is None else why
     rows.add("guessing", ALL, DIFFERENCE, "1", by, spread, people, p=p_value, flag=why)
     return rows

@@ -30,7 +30,7 @@ NO_VARIANCE = 1e-12  # what rounding leaves of none
 Concerns = Iterator[Concern]
 CHANGES = {
     "rating": "the ratings of the later half are {0:.2g} points {1}",
-    "comparison": "ours is chosen {4:.0f} points {2} in the later half",
+    "comparison": "the track is chosen {4:.0f} points {2} in the later half",
     "search": "searches of the later half take {3:.2f} times as long",
 }
 ANY_CHANGE = "the answers of the later half are {0:.2g} {1}"
@@ -44,7 +44,7 @@ def one_order(table: pd.DataFrame, task: str) -> Concerns:
     fixed = [words for words, second in items if usual_order(second, LEVEL / len(items))[0]]
     if where:
         share = f"all {most}" if most == len(pairs) else f"{most} of {len(pairs)}"
-        clause = f"ours was shown {where} in {share} pairs"
+        clause = f"the track was shown {where} in {share} pairs"
     else:
         clause = f"of {first_few(fixed)} one version always came first, or nearly"
     if where or fixed:

@@ -75,7 +75,7 @@ def confounded_order(data: TaskData[Any]) -> str:
     second = _trial_table(data).second.dropna()
     where, most = usual_order(second)
     always = "always" if most == len(second) else "nearly always"
-    return f"ours was {always} shown {where}" if where else ""
+    return f"the track was {always} shown {where}" if where else ""
 
 
 def _without(trials: Iterable[Any], gone: set[int]) -> tuple[Any, ...]:

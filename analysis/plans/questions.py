@@ -102,9 +102,11 @@ class ComparisonTruth:
     task, title, unit = "comparison", "Artifact comparison", "share choosing ours"
     participants = "17,30,50,70,100,150"
     efforts: ClassVar = VIEWING_EFFORTS
-    share: float | None = _asked("the true share of choices for ours (0.5 + margin)", None, 0.001, 0.999)
+    share: float | None = _asked("the true share of choices for the track (0.5 + margin)", None, 0.001, 0.999)
     margin: float = _asked("distance from 0.5 that counts as no difference", 0.15, 0.001, 0.499)
-    spread: float = _asked("standard deviation between people of the log-odds of choosing ours", 0.5, 0, 5)
+    spread: float = _asked(
+        "standard deviation between people of the log-odds of choosing the track", 0.5, 0, 5
+    )
     repetitions: int = _count("how often each sequence is shown", 1)
     sequences: int = _count("how many sequences", 4)
     power: float = _power()
@@ -127,11 +129,11 @@ class SearchTruth:
     task, title, unit = "search", "Ring search", "ratio of times"
     participants = "8,12,17,25"
     efforts: ClassVar = {"quick": 37, "default": 75, "thorough": 150}  # a fit of search times takes its time
-    ratio: float = _asked("the true median time with ours, divided by the baseline's", 0.8, 0.1, 0.999)
+    ratio: float = _asked("the true median time with the track, divided by the baseline's", 0.8, 0.1, 0.999)
     undetected: float = _asked("share of rings not found with the baseline", 0.1, 0, 0.9)
     margin: float = _asked("ratio of times that counts as slower", 1.25, 1.001, 10)
     spread: float = _asked("standard deviation between people of ln(ratio of times)", 0.15, 0, 2)
-    locations: int = _count("places of rings where ours is brighter, and as many darker", 10)
+    locations: int = _count("places of rings where the track is brighter, and as many darker", 10)
     power: float = _power()
 
     def __post_init__(self) -> None:

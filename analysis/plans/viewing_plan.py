@@ -35,6 +35,7 @@ from evenlight.analysis.rating.rating_power import LARGEST, fewest_pairs, likely
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.report_prose import prose
 from evenlight.analysis.search.search_models import slowing
+from evenlight.analysis.wording import of_track
 from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, ViewingPlanRow
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.provenance import provenance_now
@@ -179,7 +180,7 @@ def _plan(
     """Return rows with their answer in words, and drawn: power, and below it the type I error."""
     wanted, title = f"{100 * truth.power:g} % power", f"{truth.title}: how many participants"
     needed = {row.test: people_in_words(row) for row in rows}
-    answer = prose("plan_viewing", tests=tests, needed=needed, wanted=wanted, unit=truth.unit)
+    answer = prose("plan_viewing", tests=tests, needed=needed, wanted=wanted, unit=of_track(truth.unit))
     (assumed,) = prose("plan_assumed", task=truth.task, truth=truth)
     kinds = {row.runs for row in rows}
     drawn = f"Simulated: {runs} experiments for each mark, bars 95 %" if any(kinds) else "Computed, not drawn"

@@ -50,7 +50,7 @@ FILES = {
 }
 EQUAL_SHARE = 0.01  # of full brightness: powers closer than this count as equal
 MANY_LOST = 0.05  # share of the time that had to be bridged
-NAMES = {"ours": "ours", "baseline": "baseline", "full": "full brightness"}
+NAMES = {"ours": "the track", "baseline": "baseline", "full": "full brightness"}
 MOST_POINTS = 1000  # of a line: more do not show
 
 
@@ -75,7 +75,7 @@ class MeasuredPower(Result):
 
     @property
     def first_lines(self) -> tuple[str, tuple[KeyFigure, ...]]:
-        """What ours saves, and whether it takes as much as constant dimming."""
+        """What the track saves, and whether it takes as much as constant dimming."""
         words = _comparisons(self.power)
         if not words:
             words = tuple(f"{NAMES[one.version]} takes {one.mean_power:.4g} W" for one in self.power.versions)
@@ -123,7 +123,7 @@ def _key_figures(power: PlayedPower) -> Iterator[KeyFigure]:
     if ours:
         others = (one for one in power.versions if one is not ours)
         beside = ", ".join(f"{NAMES[one.version]} {one.mean_power:.3f} W" for one in others)
-        yield KeyFigure(f"{ours.mean_power:.3f} W", "ours", beside)
+        yield KeyFigure(f"{ours.mean_power:.3f} W", "the track", beside)
     if ours and ours.saving_percent is not None:
         low, high = ours.saving_percent_ci_low, ours.saving_percent_ci_high
         interval = "" if low is None else f"{low:.2f} to {high:.2f} %"
@@ -131,7 +131,7 @@ def _key_figures(power: PlayedPower) -> Iterator[KeyFigure]:
     if (equal := power.equal_power) is not None:
         low, high = equal.ci_low, equal.ci_high
         interval = "" if low is None or high is None else f"{_mw(low)} to {_mw(high)} mW"
-        yield KeyFigure(f"{_mw(equal.difference)} mW", "ours less constant dimming", interval)
+        yield KeyFigure(f"{_mw(equal.difference)} mW", "the track less constant dimming", interval)
     used, bridged = sum(one.used for one in power.passes), power.samples.bridged_share
     yield KeyFigure(
         f"{used} of {len(power.passes)}",
@@ -270,7 +270,7 @@ def _draw_over_time(axes: Axes, power: PlayedPower, energies: Sequence[FrameEner
             ends = curves.min(axis=0), curves.max(axis=0)
             axes.fill_between(middle, *ends, color=colour, alpha=0.25, linewidth=0)
         dashes = "--" if one.version == "baseline" else "-"
-        axes.plot(middle, curves.mean(axis=0), dashes, color=colour, label=one.version)
+        axes.plot(middle, curves.mean(axis=0), dashes, color=colour, label=NAMES[one.version])
         axes.axhline(one.mean_power, color=colour, linewidth=thin, linestyle=":")
     axes.plot([], [], ":", color=MUTED, linewidth=thin, label="mean")
     if any(one.n_passes > 1 for one in power.versions):
@@ -307,7 +307,7 @@ def _draw_means(axes: Axes, power: PlayedPower) -> None:
             axes.plot([place + 0.1] * 2, [one.ci_low, one.ci_high], color=colour, linewidth=size / 5)
         axes.plot([place + 0.1], [one.mean_power], "D", color=colour, ms=0.45 * size)
     axes.set_xlim(-0.6, len(power.versions) - 0.4)
-    names = [f"{one.version}\n{one.mean_power:.3f} W" for one in power.versions]
+    names = [f"{NAMES[one.version]}\n{one.mean_power:.3f} W" for one in power.versions]
     axes.set_xticks(range(len(power.versions)), names)
     axes.tick_params(axis="x", length=0)
 

@@ -154,7 +154,7 @@ function arrange() {
   for (const [name, { figure }] of Object.entries(panes)) figure.hidden = state.layout !== "side" && name !== state.version;
   $("divider").hidden = state.layout !== "divider";
   const left = state.layout === "divider" ? state.version : "ours";
-  $("pair").textContent = `${left} | ${NEXT[left]}`;
+  $("pair").textContent = `${SAID[left]} | ${SAID[NEXT[left]]}`;
   panes[state.version].figure.querySelector(".screen").append($("divider"));
   $("legend").hidden = !$("map").checked || !sheet;
   $("reflected-value").textContent = `${(+$("reflected").value).toFixed(1)} cd/m²`;
@@ -167,7 +167,7 @@ function divide(share) {
   const percent = Math.round(100 * state.divider);
   $("divider").style.left = `${100 * state.divider}%`;
   $("divider").setAttribute("aria-valuenow", percent);
-  $("divider").setAttribute("aria-valuetext", `${percent} % ${state.version}, ${100 - percent} % ${NEXT[state.version]}`);
+  $("divider").setAttribute("aria-valuetext", `${percent} % ${SAID[state.version]}, ${100 - percent} % ${SAID[NEXT[state.version]]}`);
   draw();
 }
 

@@ -1,6 +1,7 @@
 // The track over time: four panels on one axis, which zoom and move together.
 
 const FEWEST_FRAMES = 8; // in view
+const SAID = { full: "full", ours: "track", constant: "constant" }; // what a reader calls each version
 const MOST_STEPS = 20000; // beyond, steps take long to draw and look like lines
 
 /** Return the panels: heading, axis range, decimals, and their lines (name, values, whether dashed). */
@@ -56,13 +57,13 @@ class Plots {
     const heading = document.createElement("h2"), plot = document.createElement("div");
     panel.numbers = panel.lines.map(([name], k) => {
       const words = document.createElement("span");
-      words.innerHTML = `<i class="swatch ${k ? "dashed " : ""}${name}"></i>${name} <data></data>`;
+      words.innerHTML = `<i class="swatch ${k ? "dashed " : ""}${name}"></i>${SAID[name]} <data></data>`;
       return words;
     });
     heading.append(panel.name, ...panel.numbers);
     const [low, high] = extremes(panel.lines[0][1]);
     plot.setAttribute("role", "img");
-    plot.setAttribute("aria-label", `${panel.name} over time: ours from ${low.toFixed(panel.digits)} to ` +
+    plot.setAttribute("aria-label", `${panel.name} over time: the track from ${low.toFixed(panel.digits)} to ` +
       `${high.toFixed(panel.digits)}${panel.unit}`);
     this.element.append(heading, plot);
     panel.plot = plot;
@@ -183,7 +184,7 @@ class Plots {
     return this.panels.map(panel => panel.name + ": " + panel.lines.map(([name, values], k) => {
       const words = values[frame].toFixed(panel.digits) + panel.unit;
       panel.numbers[k].lastChild.textContent = words;
-      return `${name} ${words}`;
+      return `${SAID[name]} ${words}`;
     }).join(", ")).join("; ");
   }
 }

@@ -12,7 +12,7 @@ from evenlight.analysis import figure_style as style
 from evenlight.analysis.rating.rating_pairs import ALL, MEAN, POINTS, Ratings, Sample
 from evenlight.analysis.results import Drawing
 from evenlight.analysis.rows import Plot
-from evenlight.analysis.wording import in_words, p_in_words, p_text
+from evenlight.analysis.wording import in_words, of_track, p_in_words, p_text
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, Version
 
@@ -29,11 +29,11 @@ _BESIDE: Look = {"textcoords": "offset points", "annotation_clip": False}
 def rating_figure(ratings: Ratings) -> Drawing:
     """Draw the ratings of each sequence, and below them the differences."""
     bars = (
-        "Bars: how many ratings of each value, constant dimming (baseline) to the left, ours to the right. "
-        "Diamonds: means with 95 % confidence intervals."
+        "Bars: how many ratings of each value, constant dimming (baseline) to the left, the track to the "
+        "right. Diamonds: means with 95 % confidence intervals."
     )
     who = "simulated participant" if ratings.data.simulated else "participant"
-    differences = f"Difference ours − baseline of each {who}, and its mean with 95 % confidence interval"
+    differences = f"Track less baseline, of each {who}, and its mean with 95 % confidence interval"
     page = style.PAGE
     with style.look():
         em, plots = page.em, []
@@ -106,7 +106,7 @@ def _name_version(axes: Axes, version: Version, n: int | None) -> None:
     (side, colour), size = SIDES[version], style.text_size()
     below: Look = {"xytext": (0, -0.5 * size), "xycoords": "axes fraction", "va": "top", **_BESIDE}
     look: Look = {"ha": "right" if side > 0 else "left", "fontsize": 0.85 * size, "color": colour}
-    axes.annotate(f"{version.value}\nn = {n}", (max(side, 0), 0), **below, **look)
+    axes.annotate(f"{of_track(version.value)}\nn = {n}", (max(side, 0), 0), **below, **look)
 
 
 def _difference_counts(pair: Sample) -> tuple[dict[float, int], float]:
@@ -140,7 +140,7 @@ def _draw_differences(axes: Axes, ratings: Ratings) -> Plot:
     reach = max([1.6, *(abs(x) + 0.5 for counts, _ in drawn.values() for x in counts)])
     axes.axvline(0, color=style.INK, linewidth=size / 14, zorder=0.5)
     axes.set(xlim=(-reach, reach), ylim=(-len(drawn) + 0.68, 0.85), yticks=[])
-    axes.set_xlabel("difference [rating points]:   baseline better  ←   →  ours better")
+    axes.set_xlabel("difference [rating points]:   baseline better  ←   →  the track better")
     axes.spines["left"].set_visible(False)
     return plot
 

@@ -22,7 +22,7 @@ from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.rows import count, how_sure, number, significant, with_interval
 from evenlight.analysis.session_loading import TaskData
-from evenlight.analysis.wording import in_words, listed, p_in_words, people_noun, spaced
+from evenlight.analysis.wording import in_words, listed, of_track, p_in_words, people_noun, spaced
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
 
@@ -74,7 +74,7 @@ def _key_figures(ratings: Ratings) -> tuple[KeyFigure, ...]:
     find, overall, n = ratings.rows.find, next(reversed(ratings.shown)), ratings.n_people
     figures = []
     if mean := _sure(find("differences", overall, MEAN)):
-        figures.append(KeyFigure(mean[0], "ours less constant dimming", mean[1]))
+        figures.append(KeyFigure(mean[0], "the track less constant dimming", mean[1]))
     different, enough = different_sequences(ratings), n >= fewest_pairs()
     if different is not None and len(ratings.rated) > 1 and enough:
         words = f"{len(different)} of {len(ratings.rated)}"
@@ -171,7 +171,7 @@ def _versions_table(ratings: Ratings) -> Table:
             errors = [number(means(f"{what}, {v.value}"))[0] for what in ERRORS]
             counts = [count(given(f"ratings of {k}, {v.value}"))[0] for k in RATINGS]
             n = len(ratings.means[name, v].of)
-            rows.append((in_words(name), v.value, mean, *errors, ends, *counts, n))
+            rows.append((in_words(name), of_track(v.value), mean, *errors, ends, *counts, n))
     return Table(
         "Ratings of each version: mean over n participants with 95 % confidence interval (CI), and how many "
         "ratings of 1 to 5 were given. The standard error of the mean (SEM) is the SD over the root of n; "

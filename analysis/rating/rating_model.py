@@ -25,7 +25,7 @@ from evenlight.analysis.rating.rating_pairs import ALL, Ratings, Sample
 from evenlight.analysis.report import Section
 from evenlight.analysis.report_prose import section
 from evenlight.analysis.rows import flag, p, ratio_with_interval, table_of
-from evenlight.analysis.wording import in_words
+from evenlight.analysis.wording import in_words, of_track
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
 
 VERSION, PLACE = "version", "place"
@@ -68,7 +68,7 @@ def model_ratings(ratings: Ratings, rng: np.random.Generator) -> Section:
     table = table_of(
         f"Odds ratios of a higher rating, from {fit.n} ratings of {ratings.people}, with profile-likelihood "
         "confidence intervals (CI).",
-        [(written.get(row.what, row.what), row) for row in ratings.rows.of("model", ODDS)],
+        [(written.get(row.what, of_track(row.what)), row) for row in ratings.rows.of("model", ODDS)],
         (partial(ratio_with_interval, most=fit.n**2), p, flag),
         ("odds ratio", "value", "95 % CI", "p", "remark"),
     )

@@ -29,7 +29,7 @@ from evenlight.analysis.rating.rating_pairs import ADJUSTED_T, ALL, POINTS, Rati
 from evenlight.analysis.report import Section
 from evenlight.analysis.report_prose import section
 from evenlight.analysis.rows import flag, p, table_of, with_interval
-from evenlight.analysis.wording import in_words
+from evenlight.analysis.wording import in_words, of_track
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
@@ -64,11 +64,11 @@ def describe_order(ratings: Ratings, rng: np.random.Generator) -> Section:
     rows = ratings.rows.of("order")
     if all(row.value is None for row in rows):
         return section("rating_order", unknown=rows[0].flag)
-    of = ": difference with ours first less that with ours second"
+    of = ": difference with the track first less that with the track second"
     table = table_of(
         "Effects of the order [rating points] with exact tests and confidence intervals (CI). The p of "
         "single sequences are not adjusted here; rating_statistics.csv has the adjusted ones too.",
-        [(row.what if row.group == ALL else f"{in_words(row.group)}{of}", row) for row in rows],
+        [(of_track(row.what) if row.group == ALL else f"{in_words(row.group)}{of}", row) for row in rows],
         (with_interval, p, lambda row: (row.n if row else None,), flag),
         ("effect", "value", "95 % CI", "p", "n", "remark"),
     )

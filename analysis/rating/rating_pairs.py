@@ -299,9 +299,9 @@ def different_sequences(ratings: Ratings) -> list[str] | None:
 def _effects_table(ratings: Ratings) -> Table:
     shown = {"mean": MEAN, "superiority": SUPERIORITY, "rank-biserial": BISERIAL, "d_z": D_Z}
     return ratings.rows.view(
-        "Effect sizes, ours less baseline, with 95 % confidence intervals (CI): mean difference [rating "
-        "points]; probability that a participant rates ours higher, ties counting one half (0.5: no effect); "
-        "matched-pairs rank-biserial correlation; Cohen's d_z.",
+        "Effect sizes, the track less baseline, with 95 % confidence intervals (CI): mean difference [rating "
+        "points]; probability that a participant rates the track higher, ties counting one half (0.5: no "
+        "effect); matched-pairs rank-biserial correlation; Cohen's d_z.",
         ratings.names,
         [("differences", what, with_interval) for what in shown.values()],
         ("sequence", *(own for name in shown for own in (name, "95 % CI"))),

@@ -41,12 +41,12 @@ from evenlight.method.rate_limit import rate_limit_at
 
 TABLE = "detail_quality"
 VERSIONS = ("baseline", "ours")
-COLUMNS = {"baseline": "constant", "ours": "ours", "full": "full brightness"}  # of the table of powers
+COLUMNS = {"baseline": "constant", "ours": "the track", "full": "full brightness"}  # of the table of powers
 ASSUMED = "assumed"  # the table of what is true of simulated participants
 VIEWERS = "simulated_viewers"
 SHORT = {
     RATED: "rating difference",
-    CHANCE: "share choosing ours",
+    CHANCE: "share choosing the track",
     TIME_RATIO: "ratio of search times",
 }
 
@@ -167,7 +167,7 @@ def power_findings(sequences: Sequence[SequenceTracks], data: Path | None = None
     saved = [sequence.saved for sequence in sequences]
     simulated = any(row.origin is Origin.SIMULATED for row in rows)
     about = section("reproduction/power", (table,), simulated=simulated, measured=bool(measured))
-    lead = f"By the power model ours saves {min(saved):.0f} to {max(saved):.0f} % of the full power."
+    lead = f"By the power model the track saves {min(saved):.0f} to {max(saved):.0f} % of the full power."
     return Analysis("power", lead, tuple(rows), (), (about,))
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from evenlight.analysis.report import Cell, KeyFigure, Table
-from evenlight.analysis.wording import in_words
+from evenlight.analysis.wording import in_words, of_track
 from evenlight.data_schema.analysis_results import Origin, Statistic
 
 DIFFERENCE = "mean difference, ours less baseline"
@@ -124,10 +124,10 @@ def beside_table(caption: str, rows: Iterable[Statistic], *, drawn: bool) -> Tab
         unit = {"1": "", theirs.unit: ""}.get(ours.unit, f" {ours.unit}")
         own = _shown(ours, ours.value)
         shown = _shown(theirs, theirs.value), own and f"{own}{unit}", ends
-        what = f"{theirs.what} [{'%' if theirs.what.startswith(IN_PERCENT) else theirs.unit}]"
+        what = f"{of_track(theirs.what)} [{'%' if theirs.what.startswith(IN_PERCENT) else theirs.unit}]"
         of, what = (words.replace("^2", "²") for words in (in_words(theirs.group), what))
         lines.append((of, what, *shown, ours.origin.value, dependence.value, because, met))
-    names = ("of", "what", "published", "ours", "95 % interval", "origin", "ours is", "by", "met")
+    names = ("of", "what", "published", "here", "95 % interval", "origin", "it is", "by", "met")
     return Table(caption, names, tuple(lines))
 
 

@@ -15,7 +15,7 @@ from evenlight.analysis.results import Analysis, Drawing
 from evenlight.analysis.rows import Plot, Rows, number, significant
 from evenlight.analysis.tracks.contrast_map_figure import contrast_map_figure, contrast_maps
 from evenlight.analysis.tracks.track_figure import DrawnTrack, factor_axis, frame_edges, track_figure
-from evenlight.analysis.wording import in_words
+from evenlight.analysis.wording import in_words, of_track
 from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
@@ -102,11 +102,11 @@ def sequence_findings(sequences: Sequence[SequenceTracks]) -> Analysis:
         ("tracks", f"{SPREAD}{of}", percent) for of in ("ours", "constant", "no rate limit", "lower bound")
     ]
     table = rows.view(
-        "Mean absolute difference of contrast loss between two frames, in percentage points: of ours, of "
-        "constant dimming, without rate limit; and below which no track within the limits gets.",
+        "Mean absolute difference of contrast loss between two frames, in percentage points: of the track, "
+        "of constant dimming, without rate limit; and below which no track within the limits gets.",
         {s.name: in_words(s.name) for s in sequences},
         [("tracks", "mean brightness factor", significant), *spreads, ("tracks", "fastest change", number)],
-        ("sequence", "mean factor", "ours", "constant", "no rate limit", "lower bound",
+        ("sequence", "mean factor", "the track", "constant", "no rate limit", "lower bound",
          "fastest change, share of limit"),
     )  # fmt: skip
     about = section("reproduction/sequences", (table,), (drawing.picture,), gains=[s.gain for s in sequences])
@@ -168,7 +168,8 @@ def _sequence_drawing(sequences: Sequence[SequenceTracks]) -> Drawing:
                     axes[f"{s.name}: {what}"], f"{s.name}: {what}", Origin.COMPUTED, ("time", "s", what, "1")
                 )
                 for _, series, values in (own for own in _lines(s) if own[0] == what):
-                    plot.line(series, s.track.times.tolist(), values.tolist(), label=series, **STYLES[series])
+                    drawn = STYLES[series] | {"label": of_track(series)}
+                    plot.line(series, s.track.times.tolist(), values.tolist(), **drawn)
                 plot.axes.set(ylabel=what, xlim=(0.0, float(frame_edges(s.track.times)[-1])))
                 plot.axes.grid(axis="y", color=FAINT, linewidth=0.6)
                 points += plot.points
@@ -176,7 +177,7 @@ def _sequence_drawing(sequences: Sequence[SequenceTracks]) -> Drawing:
             axes[f"{s.name}: {quantities[0]}"].set_ylim(*factor_axis(both))
             loss = axes[f"{s.name}: {quantities[1]}"]
             loss.axhline(
-                float(s.track.contrast_loss.mean()), color=LIMIT, lw=0.7, ls="--", label="mean of ours"
+                float(s.track.contrast_loss.mean()), color=LIMIT, lw=0.7, ls="--", label="mean of the track"
             )
             loss.set_ylim(bottom=0.0)
             loss.yaxis.set_major_formatter(PERCENT)

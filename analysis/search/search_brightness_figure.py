@@ -18,7 +18,7 @@ from evenlight.analysis.search.search_models import LocationLine
 from evenlight.analysis.search.search_numbers import RATIO, VERSIONS, Study
 from evenlight.analysis.search.search_pairs import found_over_time
 from evenlight.analysis.search.search_trials import BrightnessEffect
-from evenlight.analysis.wording import participants
+from evenlight.analysis.wording import of_track, participants
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.arrays import Array
 
@@ -57,7 +57,7 @@ def brightness_figure(study: Study) -> Drawing | None:
         _name_the_odd(axes, shown)
         axes.legend(loc="upper left", bbox_to_anchor=(0.0, -4.0 * em / height), ncols=4)
     caption = (
-        "Ratio of search times over ratio of brightness factors, ours to baseline, with 95 % confidence "
+        "Ratio of search times over ratio of brightness factors, the track to baseline, with 95 % confidence "
         "intervals; the line over locations with its pointwise 95 % confidence band, and the line of no "
         "difference."
     )
@@ -76,8 +76,8 @@ def _shown(study: Study) -> list[_Shown]:
 
 def _heading(study: Study, drawn: int) -> tuple[str, str]:
     words = (
-        f"{_who(study)}. Search time over brightness, ours against the baseline, at each location; named are "
-        "those whose own interval excludes 1."
+        f"{_who(study)}. Search time over brightness, the track against the baseline, at each location; "
+        "named are those whose own interval excludes 1."
     )
     if not isinstance(study.line, str):
         words += " The line is for locations like these."
@@ -104,13 +104,13 @@ def _frame(axes: Axes, shown: list[_Shown]) -> None:
         axis.set_major_locator(FixedLocator([math.log(tick) for tick in TICKS]))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{math.exp(value):.3g}"))
         axis.set_minor_locator(NullLocator())
-    axes.set_xlabel("brightness factor of ours / baseline")
-    axes.set_ylabel("search time of ours / baseline")
+    axes.set_xlabel("brightness factor of the track / baseline")
+    axes.set_ylabel("search time of the track / baseline")
     for words, across, down, ha, va in (
-        ("← ours dims", 0.0, 1.0, "left", "bottom"),
-        ("ours brightens →", 1.0, 1.0, "right", "bottom"),
-        (" ours slower", 0.0, 0.99, "left", "top"),
-        (" ours faster", 0.0, 0.01, "left", "bottom"),
+        ("← the track dims", 0.0, 1.0, "left", "bottom"),
+        ("the track brightens →", 1.0, 1.0, "right", "bottom"),
+        (" the track slower", 0.0, 0.99, "left", "top"),
+        (" the track faster", 0.0, 0.01, "left", "bottom"),
     ):
         axes.text(across, down, words, transform=axes.transAxes, ha=ha, va=va, color=style.MUTED)
 
@@ -190,7 +190,9 @@ def curves_figure(study: Study) -> Drawing | None:
             _draw_panel(plot, study, panel, sides == side)
         plots[0].axes.set_ylabel("rings found [%]")
         plots[0].axes.legend(loc="lower right", bbox_to_anchor=(0.98, 0.04))
-    caption = "Share of the rings found over time in both versions, where ours dims and where it brightens."
+    caption = (
+        "Share of the rings found over time in both versions, where the track dims and where it brightens."
+    )
     return Drawing("search_curves", figure, caption, tuple(point for plot in plots for point in plot.points))
 
 
@@ -205,14 +207,14 @@ def _draw_panel(plot: Plot, study: Study, panel: str, there: Array) -> None:
         for time, share, *ends in zip(times.tolist(), *(100 * shares).tolist(), strict=True):
             low, high = (None if math.isnan(end) else end for end in ends)
             plot.note(version, time, share, n=own.times.size, ends=(low, high))
-        axes.plot(times, 100 * shares[0], color=colour, zorder=3, label=f"{version}, 95 % band")
+        axes.plot(times, 100 * shares[0], color=colour, zorder=3, label=f"{of_track(version)}, 95 % band")
         axes.fill_between(times, *(100 * shares[1:]), color=colour, alpha=0.16, linewidth=0)
-        searches.append(f"{version} {own.times.size}")
+        searches.append(f"{of_track(version)} {own.times.size}")
     axes.set(xlim=(0, limit), ylim=(0, 100), xlabel="search time [s]")
     axes.set_yticks(range(0, 101, 20))
     axes.grid(color=style.FAINT, linewidth=size / 18)
     axes.annotate(
-        f"{panel} (searches: {', '.join(searches)})",
+        f"{of_track(panel)} (searches: {', '.join(searches)})",
         (0.0, 1.0),
         (0, 0.6 * size),
         xycoords="axes fraction",

@@ -31,7 +31,7 @@ from evenlight.analysis.search.search_numbers import EVERYWHERE, RATIO, SLOWING,
 from evenlight.analysis.search.search_times_figure import times_figure
 from evenlight.analysis.search.search_trials import ABOUT_EQUAL, BrightnessEffect
 from evenlight.analysis.session_loading import TaskData
-from evenlight.analysis.wording import counted, p_in_words, percent
+from evenlight.analysis.wording import counted, of_track, p_in_words, percent
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.search import SearchTrial
@@ -39,8 +39,8 @@ from evenlight.data_schema.recordings.search import SearchTrial
 ALPHA = 0.05
 MORE = 0.1  # light in the example of what the slope means
 RATIO_NAMES = ("ratio", "95 % CI", "p")
-UNDETECTED_NAMES = ("undetected: ours", "baseline", "p", "p (Holm)")
-PAIR_NAMES = ("ours first", "baseline first", "after the same time", "not known")
+UNDETECTED_NAMES = ("undetected: the track", "baseline", "p", "p (Holm)")
+PAIR_NAMES = ("the track first", "baseline first", "after the same time", "not known")
 
 
 def search_findings(data: TaskData[SearchTrial], slowing: float = SLOWING) -> Analysis:
@@ -138,7 +138,9 @@ def key_figures_of(study: Study, confound: str = "") -> tuple[KeyFigure, ...]:
     slope = find("brightness", of.LIKE_PEOPLE, of.SLOPE)
     figures = []
     if ratio and ratio.value is not None:
-        figures.append(KeyFigure(f"{study.ratio(ratio)[0]}", "search time, ours to baseline", sure(ratio)))
+        figures.append(
+            KeyFigure(f"{study.ratio(ratio)[0]}", "search time, the track to baseline", sure(ratio))
+        )
     if slope and slope.value is not None and slope.p_value is not None:
         lighter = _lighter(slope)
         words = f"of the time with {percent(MORE, 0)} more light"
@@ -146,7 +148,7 @@ def key_figures_of(study: Study, confound: str = "") -> tuple[KeyFigure, ...]:
     values = " and ".join(percent(row.value or 0.0, 0) for row in _shares_found(study) if row)
     change = find("detections", EVERYWHERE, of.CHANGE)
     beside = "" if change is None or change.p_value is None else f"difference: {p_in_words(change.p_value)}"
-    figures.append(KeyFigure(values, "of rings found, ours and baseline", beside))
+    figures.append(KeyFigure(values, "of rings found, the track and baseline", beside))
     if confound:
         figures.append(KeyFigure(confound, "order and version cannot be told apart", warns=True))
     elif len(study.table.participants) == 1:
@@ -169,8 +171,8 @@ def times_section(study: Study) -> Section:
     table, places, own = study.table, _places(study), "locations"
     listed = study.rows.view(
         "Undetected rings (p: exact test of McNemar, by itself and adjusted for the number of locations "
-        "by Holm), median search times with 95 % confidence interval (CI), and time ratios of ours to the "
-        "baseline (p: adjusted too).",
+        "by Holm), median search times with 95 % confidence interval (CI), and time ratios of the track to "
+        "the baseline (p: adjusted too).",
         places,
         [
             *((own, f"{of.LOST}, {version}", _out_of) for version in VERSIONS),
@@ -179,7 +181,7 @@ def times_section(study: Study) -> Section:
             (own, RATIO, study.ratio),
             (own, RATIO, lambda row: p_with_holm(row)[1:]),
         ],
-        ["location", *UNDETECTED_NAMES, "median [s]: ours", "baseline", "ratio", "95 % CI", "p (Holm)"],
+        ["location", *UNDETECTED_NAMES, "median [s]: the track", "baseline", "ratio", "95 % CI", "p (Holm)"],
     )
     cells = np.stack([table.participant, table.location, table.ours])
     each, whole = np.unique(cells, axis=1).shape[1], 2 * len(table.participants) * len(places)
@@ -201,7 +203,7 @@ def _places(study: Study) -> dict[str, str]:
 
 def _missing(study: Study, place: str) -> Iterator[str]:
     """Yield what to note of versions in which nobody searched, or found, anything."""
-    for version, words in (("ours", "ours"), ("baseline", "the baseline")):
+    for version, words in (("ours", "the track"), ("baseline", "the baseline")):
         found = study.rows.find("locations", place, f"{of.FOUND}, {version}")
         if found is None:
             yield f"nobody searched in {words}"
@@ -226,18 +228,19 @@ def brightness_section(study: Study) -> Section:
     places = f"all ({counted(len(study.table.locations), 'location')})"
     largest = ("largest not excluded", f"p of {1 + study.slowing:g} or more")
     versions = rows.view(
-        "Time ratio, ours to baseline, with 95 % confidence interval (CI); below 1 ours is faster. About "
-        f"equal: factors within {100 * ABOUT_EQUAL:.0f} %. Largest not excluded: one-sided at 5 %.",
+        "Time ratio, the track to baseline, with 95 % confidence interval (CI); below 1 the track is "
+        f"faster. About equal: factors within {100 * ABOUT_EQUAL:.0f} %. Largest not excluded: "
+        "one-sided at 5 %.",
         {row.group: places if row.group == EVERYWHERE else row.group for row in rows.of("versions", RATIO)},
         [
             *(("versions", RATIO, show) for show in (study.ratio, p)),
             *(("versions", of.LARGEST, show) for show in (number, p)),
             ("versions", RATIO, flag),
         ],
-        ["ours there is", *RATIO_NAMES, *largest, "remark"],
+        ["the track there is", *RATIO_NAMES, *largest, "remark"],
     )
     slopes = table_of(
-        "Change of ln(time) per unit of ln(brightness factor of ours / of the baseline), with 95 % "
+        "Change of ln(time) per unit of ln(brightness factor of the track / of the baseline), with 95 % "
         "confidence interval (CI); below 0: more light, less time. The first is the primary test.",
         [(row.group, row) for row in rows.of("brightness", of.SLOPE)],
         (with_interval, p, flag),
@@ -259,8 +262,8 @@ def pairs_section(study: Study) -> Section:
     rows, find, groups = study.rows, study.rows.find, {name: name for name in study.groups}
     kinds = [f"pairs, {kind}" for kind in study.pairs.counts]
     first = rows.view(
-        "Pairs by which ring was found first, and the hazard ratio, ours to baseline, with 95 % confidence "
-        "interval (CI) and p by Student's t over people.",
+        "Pairs by which ring was found first, and the hazard ratio, the track to baseline, with 95 % "
+        "confidence interval (CI) and p by Student's t over people.",
         groups,
         [
             *(("first found", kind, count) for kind in kinds),
@@ -271,8 +274,8 @@ def pairs_section(study: Study) -> Section:
         ["locations", *PAIR_NAMES, "hazard ratio", "95 % CI", "p", "exact p", "remark"],
     )
     more = rows.view(
-        "Rings found, ours minus baseline [percentage points], with 95 % confidence interval (CI) and p by "
-        "Student's t over people.",
+        "Rings found, the track minus baseline [percentage points], with 95 % confidence interval (CI) and "
+        "p by Student's t over people.",
         groups,
         [
             *(("detections", of.CHANGE, show) for show in (_points, p)),
@@ -317,7 +320,7 @@ def _correct_table(study: Study) -> Table:
             for what in (of.CORRECT, of.GUESSED)
         )
         unseen = None if guessed is None or guessed.value is None else percent(guessed.value)
-        cells.append((version, *_share(found), *_share(correct), unseen, *flag(guessed)))
+        cells.append((of_track(version), *_share(found), *_share(correct), unseen, *flag(guessed)))
     share = ("found", "95 % CI", "identified correctly", "95 % CI")
     return Table(
         "Rings found, and gaps identified correctly among them, with 95 % confidence intervals (CI) of the "
@@ -337,13 +340,15 @@ def _share(row: Statistic | None) -> tuple[Cell, Cell]:
 def averages_section(study: Study) -> Section:
     """Return the paper's average, beside what it leaves out."""
     ways = table_of(
-        "The same time ratio, ours to baseline, by the treatment of undetected rings.",
-        [(row.what, row) for row in study.rows.of("undetected", f"{RATIO}; ")],
+        "The same time ratio, the track to baseline, by the treatment of undetected rings.",
+        [(of_track(row.what), row) for row in study.rows.of("undetected", f"{RATIO}; ")],
         (lambda row: (row.n if row else None,), study.ratio, p, flag),
         ("", "searches", *RATIO_NAMES, "remark"),
     )
     shown = {of.MEAN: "found", of.MEAN_ERROR: "SEM", of.MEAN_AT_LIMIT: "at the limit", of.MODEL_MEAN: "model"}
-    own = {f"{what}, {version}": f"{version}: {shown[what]}" for version in VERSIONS for what in shown}
+    own = {
+        f"{what}, {version}": f"{of_track(version)}: {shown[what]}" for version in VERSIONS for what in shown
+    }
     averages = study.rows.view(
         "Average search times [s]: of the rings found, with their standard error (SEM; SD with n - 1), as in "
         "the paper; with the undetected at the time limit; by a log-normal distribution with them censored.",

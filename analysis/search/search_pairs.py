@@ -38,7 +38,7 @@ class SearchFlag(Flag):
     NOT_BOTH = "no location was searched in both versions: there is no ratio"
     FACTORS_UNKNOWN = "the brightness factors of the versions are unknown"
     NO_FIRST = "in no pair is it known which version was found first"
-    OURS_FIRST = "separated: ours was found first in all pairs; the ratio has no bound"
+    OURS_FIRST = "separated: the track was found first in all pairs; the ratio has no bound"
     BASELINE_FIRST = "separated: the baseline was found first in all pairs; the ratio has no bound"
 
 

@@ -14,7 +14,7 @@ from evenlight.analysis.rows import Plot
 from evenlight.analysis.search import search_numbers as of
 from evenlight.analysis.search.search_numbers import Study
 from evenlight.analysis.search.search_trials import Location
-from evenlight.analysis.wording import spaced
+from evenlight.analysis.wording import of_track, spaced
 from evenlight.data_schema.analysis_results import Statistic
 
 ROW = 1.62  # height of a location [em]
@@ -65,9 +65,9 @@ def _heading(study: Study) -> tuple[str, str]:
     return (
         "How long it takes to find the ring",
         f"{'Simulated: ' if study.simulated else ''}{each} participants search each location in each "
-        "version. Within a sequence from the locations that ours brightens most to those that it dims most. "
-        "Bars: 95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end within the "
-        "time limit.",
+        "version. Within a sequence from the locations that the track brightens most to those that it dims "
+        "most. Bars: 95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end within "
+        "the time limit.",
     )
 
 
@@ -175,7 +175,7 @@ def _add_key(axes: Axes, across: float, down: float) -> None:
     size = style.text_size()
     for version, (colour, _, _) in STYLE.items():
         mark: dict[str, Any] = {"linewidth": size / 5, "marker": "o", "ms": 0.62 * size, "mec": "white"}
-        axes.plot([], [], color=colour, label=f"{version}: median, 95 %", **mark)
+        axes.plot([], [], color=colour, label=f"{of_track(version)}: median, 95 %", **mark)
     mean: dict[str, Any] = {
         "label": "mean of the rings found (as in the paper)",
         "ms": 0.62 * size,

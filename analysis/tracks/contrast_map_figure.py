@@ -109,7 +109,7 @@ def contrast_map_figure(
     ours: ContrastMap,
     baseline: ContrastMap,
     name: str,
-    labels: tuple[str, str] = ("ours", "constant"),
+    labels: tuple[str, str] = ("the track", "constant"),
 ) -> Figure:
     """Draw a frame, and which of its contrast is visible and which is lost under two brightness factors.
 

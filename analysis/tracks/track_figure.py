@@ -179,7 +179,7 @@ def _draw_factors(axes: Axes, data: DrawnTrack) -> None:
     axes.set_yticks([tick for tick in ticks if bottom <= tick <= min(top, 1)])
     same = "same power" if uses_same_power(data.summary) else "same mean"
     handles = [
-        Line2D([], [], color=style.OURS, label="ours"),
+        Line2D([], [], color=style.OURS, label="the track"),
         Line2D(
             [], [], color=style.BASELINE, linestyle="--", label=f"constant, {same}: {style.short(constant)}"
         ),
@@ -203,7 +203,7 @@ def factor_axis(factors: Array) -> tuple[float, float]:
 def _draw_loss(axes: Axes, data: DrawnTrack) -> None:
     edges = frame_edges(data.track.times)
     loss, constant = 100 * data.track.contrast_loss, 100 * data.baseline_loss
-    _step_line(axes, edges, loss, color=style.OURS, label="visible contrast lost: ours", zorder=2)
+    _step_line(axes, edges, loss, color=style.OURS, label="visible contrast lost: the track", zorder=2)
     _step_line(axes, edges, constant, color=style.BASELINE, linestyle="--", label="constant", zorder=3)
     top = max(float(constant.max()), float(loss.max()), 1.0)
     axes.set(ylim=(0, 1.1 * top), ylabel="loss [%]")

@@ -190,9 +190,11 @@ class VersionPower:
 
 @record
 class EqualPower:
-    """Whether ours and baseline take the same power, freed from the drift that they share."""
+    """Whether the track and baseline take the same power, freed from the drift that they share."""
 
-    difference: float = quantity("W", "power of ours less baseline, freed from the drift that they share")
+    difference: float = quantity(
+        "W", "power of the track less baseline, freed from the drift that they share"
+    )
     ci_low: float | None = quantity(
         "W", "lower end of its 95 % confidence interval; null without repetitions"
     )
@@ -226,7 +228,9 @@ class PlayedPower:
     samples: SampleCount = described("which samples came")
     passes: tuple[PassPower, ...] = described("each time through the video")
     versions: tuple[VersionPower, ...] = described("what was measured of each version")
-    equal_power: EqualPower | None = described("ours against baseline; null if one of them was not measured")
+    equal_power: EqualPower | None = described(
+        "the track against baseline; null if one of them was not measured"
+    )
     drift_w_h: float | None = quantity(
         "W/h", "rise of the power of one and the same version, per hour; null without repetitions"
     )

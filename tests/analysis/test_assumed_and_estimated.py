@@ -34,7 +34,10 @@ def test_where_there_is_nothing_to_see_no_equivalence_is_concluded(alike) -> Non
 def test_where_one_sequence_can_be_told_the_others_are_named(alike) -> None:
     assumed = [*chances(0.5)[:3], AssumedEffect(CHOSEN, "basement", 0.8, "1")]
     lead = with_assumed(alike, assumed).lead
-    assert "nothing to see in library, gym and living room: the true chance of choosing ours is 50 %." in lead
+    assert (
+        "nothing to see in library, gym and living room: the true chance of choosing the track is 50 %."
+        in lead
+    )
     # Of the basement (s = 3) those with an odd number: 8 of 17.
     assert "In basement the true chance is 80 %, the share found 47 % (95 % confidence interval 2" in lead
 
@@ -49,8 +52,12 @@ def test_assumed_stands_beside_estimated(alike) -> None:
     (table,) = found.sections[-1].tables
     # Of the gym (s = 1) those with an even number: 9 of 17.
     rows = {(row[0], row[1]): row[2:] for row in table.rows}
-    assert rows["Gym", CHOSEN][:2] == ("0.80", f"{9 / 17:.2f}")
-    assert rows["Gym", CHOSEN_UNMASKED] == ("0.90", None, None)
+    assert rows["Gym", "chance of choosing the track"][:2] == ("0.80", f"{9 / 17:.2f}")
+    assert rows["Gym", "chance of choosing the track, if the content's changes hid nothing"] == (
+        "0.90",
+        None,
+        None,
+    )
     assert [row.value for row in found.rows if row.table == "assumed"] == [0.8] * 4 + [0.9]
 
 

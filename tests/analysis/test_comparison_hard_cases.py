@@ -79,7 +79,7 @@ class TestHardCases:
                   for w, name, ours, k in every]  # fmt: skip
         found = compare(data_of(uneven), 1, 0.15)
         (said,) = [words for words in warnings_of(found) if "leaning" in words]
-        assert said.startswith("comparison of living room: ours came second in 16 of 17 trials")
+        assert said.startswith("comparison of living room: the track came second in 16 of 17 trials")
         flagged = {s.group for s in found.rows if "can hardly be told" in s.flag}
         assert flagged == {"living_room"}
 
@@ -88,7 +88,9 @@ class TestHardCases:
         data = data_of([(w, name, ours, 1) for w, name, ours, _ in every])
         found = compare(data, 1, 0.15)
         lead = task_findings(data, AnalysisOptions()).lead
-        assert lead.startswith("Caution: in the comparisons ours was shown first in all 68 pairs, so order")
+        assert lead.startswith(
+            "Caution: in the comparisons the track was shown first in all 68 pairs, so order"
+        )
         assert "excluded" not in lead
         assert "differ" not in lead
         cards = key_figures_of(found, limits_of(17)[1])

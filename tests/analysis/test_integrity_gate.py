@@ -50,7 +50,7 @@ def ratings_in_order(place_of_ours: Callable[[int, int], int], people: int = 17)
 def test_ours_always_second_is_found_with_its_number_of_pairs() -> None:
     concern = of_kind(concerns("rating", ratings_in_order(lambda k, s: 2)), ConcernKind.VERSION_ORDER)
     assert concern.threatens
-    assert "ours was shown second in all 68 pairs" in concern.words  # 17 people, 4 sequences
+    assert "the track was shown second in all 68 pairs" in concern.words  # 17 people, 4 sequences
 
 
 def test_ours_nearly_always_first_is_found() -> None:
@@ -58,7 +58,7 @@ def test_ours_nearly_always_first_is_found() -> None:
     concern = of_kind(
         concerns("rating", ratings_in_order(lambda k, s: 1 + (k < 2))), ConcernKind.VERSION_ORDER
     )
-    assert "ours was shown first in 60 of 68 pairs" in concern.words
+    assert "the track was shown first in 60 of 68 pairs" in concern.words
 
 
 def test_three_quarters_in_one_order_can_be_told_apart() -> None:
@@ -88,7 +88,7 @@ def test_comparisons_with_ours_always_second_are_found() -> None:
         for s, name in enumerate(made.NAMES)
     ]
     concern = of_kind(concerns("comparison", trials), ConcernKind.VERSION_ORDER)
-    assert "ours was shown second in all 68 pairs" in concern.words
+    assert "the track was shown second in all 68 pairs" in concern.words
 
 
 def test_searches_whose_second_visit_is_always_ours_are_found() -> None:
@@ -97,7 +97,7 @@ def test_searches_whose_second_visit_is_always_ours_are_found() -> None:
 
     trials = [again(trial) for trial in made.searches(np.random.default_rng(5))]
     concern = of_kind(concerns("search", trials), ConcernKind.VERSION_ORDER)
-    assert "ours was shown second in all 204 pairs" in concern.words  # 17 people, 12 places
+    assert "the track was shown second in all 204 pairs" in concern.words  # 17 people, 12 places
 
 
 def test_rows_of_a_table_tell_no_order_of_visits_and_no_halves() -> None:
@@ -237,7 +237,7 @@ def test_a_drift_of_choices_is_a_difference_of_shares_in_points() -> None:
             s, ours = (index - k) % 4, index >= 2 or index == (k // 4) % 2
             trials.append(made.comparison(k, made.NAMES[s], 1 + (k + s) % 2, ours, (1, index)))
     concern = of_kind(concerns("comparison", trials), ConcernKind.HALVES)
-    assert "over all sessions ours is chosen 50 points more often in the later half" in concern.words
+    assert "over all sessions the track is chosen 50 points more often in the later half" in concern.words
 
 
 def test_a_searcher_who_gives_up_halfway_is_named_and_practice_of_all_is_not() -> None:

@@ -108,21 +108,21 @@ def test_the_report_needs_no_other_file_and_shows_the_table(results: tuple[Path,
 def test_what_is_saved_is_said_with_its_interval(results: tuple[Path, list[str]]) -> None:
     _, lines = results
     assert re.search(
-        r"ours saves \d\.\d+ W against full brightness, \d+\.\d+ % \(95 % confidence interval", lines[1]
+        r"the track saves \d\.\d+ W against full brightness, \d+\.\d+ % \(95 % confidence interval", lines[1]
     )
-    assert re.match(r"ours takes 0\.\d+ W, as with constant dimming: difference ", lines[2])
+    assert re.match(r"the track takes 0\.\d+ W, as with constant dimming: difference ", lines[2])
 
 
 def test_from_python_it_answers_as_every_analysis(truth: Truth) -> None:
     measured = measure_power(truth.recording)
     assert measured.to_frame()["version"].tolist() == list(VERSIONS)
     assert list(measured.figures) == ["power"]
-    assert repr(measured).startswith("<Simulated power of simulated clip>\nOurs saves 0.8")
+    assert repr(measured).startswith("<Simulated power of simulated clip>\nThe track saves 0.8")
     assert len(measured.first_lines[0].split()) <= 60
     assert [card.what for card in measured.first_lines[1]] == [
-        "ours",
+        "the track",
         "saved against full brightness",
-        "ours less constant dimming",
+        "the track less constant dimming",
         "passes count",
     ]
 

@@ -401,7 +401,8 @@ def test_the_design_is_that_of_the_data() -> None:
         and t.sequence == one.sequence else t
     )  # fmt: skip
     words = (
-        "There are 15 searches in ours and 20 in the baseline; 3 of 4 locations were seen in both versions."
+        "There are 15 searches with the track and 20 with the baseline; 3 of 4 locations were seen in both "
+        "versions."
     )
     assert words in times_section(results(alone)[0]).paragraphs[0]
 

@@ -176,7 +176,7 @@ def test_the_order_of_versions_is_that_of_trial_index_and_not_of_the_rows(first:
     table["rating"] = 3 + (table["version"] == "ours")
     found = evenlight.analyze(table if known else table.drop(columns="trial_index"))
     where = "second" if first == "baseline" else "first"
-    assert (f"ours was shown {where} in all 12 pairs" in found.lead) is known
+    assert (f"the track was shown {where} in all 12 pairs" in found.lead) is known
 
 
 def test_comparisons_have_the_share_and_the_binomial_test_that_follow_by_hand() -> None:

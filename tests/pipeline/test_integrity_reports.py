@@ -69,7 +69,7 @@ def test_ours_always_second_is_the_first_thing_said_and_no_effect_of_the_version
     rated: Path, command: Callable[..., Any], blank_pictures: None, tmp_path: Path
 ) -> None:
     outcome = command("analyze", changed(rated, tmp_path / "data", ours_second), "--out", tmp_path / "out")
-    order = "in the ratings ours was shown second in all 48 pairs"
+    order = "in the ratings the track was shown second in all 48 pairs"
     warned = f"{order}, so that an effect of the version and one of the order cannot be told apart"
     said = f"Caution: {order}, so order and version cannot be told apart. The track was rated"
     assert outcome.code == 0
@@ -155,8 +155,8 @@ def test_python_says_it_as_well() -> None:
         for trial in trials
     ]
     analysis = evenlight.analyze(table)
-    assert analysis.lead.startswith("Caution: in the ratings ours was shown second in all 68 pairs")
-    assert analysis.warnings[0].startswith("in the ratings ours was shown second in all 68 pairs")
+    assert analysis.lead.startswith("Caution: in the ratings the track was shown second in all 68 pairs")
+    assert analysis.warnings[0].startswith("in the ratings the track was shown second in all 68 pairs")
 
 
 def test_comparisons_and_searches_in_one_order_claim_no_effect_either() -> None:
@@ -166,7 +166,7 @@ def test_comparisons_and_searches_in_one_order_claim_no_effect_either() -> None:
         for s, name in enumerate(made.NAMES)
     ]
     lead = task_findings(made.data_of("comparison", compared), AnalysisOptions()).lead
-    assert lead.startswith("Caution: in the comparisons ours was shown second in ")
+    assert lead.startswith("Caution: in the comparisons the track was shown second in ")
     assert lead.count("cannot be told") == 1
     assert "differ from a coin" not in lead
     searched = [
@@ -174,9 +174,9 @@ def test_comparisons_and_searches_in_one_order_claim_no_effect_either() -> None:
         for trial in made.searches(np.random.default_rng(5), 8)
     ]
     lead = task_findings(made.data_of("search", searched), AnalysisOptions()).lead
-    assert lead.startswith("Caution: in the searches ours was shown first in all ")
+    assert lead.startswith("Caution: in the searches the track was shown first in all ")
     assert lead.count("order and version cannot be told apart") == 1
-    assert "Where ours" not in lead
+    assert "Where the track" not in lead
 
 
 def wrong_ratings() -> list[Any]:
@@ -267,5 +267,5 @@ def test_a_registered_task_is_checked_by_its_columns(monkeypatch: pytest.MonkeyP
         ConcernKind.VERSION_ORDER,
         ConcernKind.REPEATED_ROWS,
     ]
-    assert found.lead.startswith("Caution: in the preferences ours was shown first in all 68 pairs")
+    assert found.lead.startswith("Caution: in the preferences the track was shown first in all 68 pairs")
     assert tuple(seen) == rows

@@ -190,7 +190,7 @@ def test_the_keys_do_what_their_list_says(player: Browser) -> None:
     assert player.run("return document.getElementById('keys').open")
     press(player, Keys.ESCAPE, "n")
     assert re.match(
-        r"0\.00 s, frame 0\. Brightness factor b: ours 0\.500, constant 0\.500;", text(player, "#spoken")
+        r"0\.00 s, frame 0\. Brightness factor b: track 0\.500, constant 0\.500;", text(player, "#spoken")
     )
 
 
@@ -217,7 +217,7 @@ def test_the_divider_parts_one_picture_into_two_versions(player: Browser) -> Non
     ours, constant = pixels(player, "ours"), pixels(player, "constant")
     pair = text(player, "#pair")
     press(player, "3", "d")
-    assert text(player, "#pair") == pair == "ours | constant"  # as was said before, whatever was shown
+    assert text(player, "#pair") == pair == "track | constant"  # as was said before, whatever was shown
     divider = player.run("return document.getElementById('divider')")
     assert np.array_equal(pixels(player, "ours"), np.concatenate([ours[:, :48], constant[:, 48:]], axis=1))
     box = player.run("return document.querySelector('[data-version=ours] .screen').clientWidth")
@@ -228,9 +228,9 @@ def test_the_divider_parts_one_picture_into_two_versions(player: Browser) -> Non
     assert divider.get_attribute("aria-valuenow") == "0"
     assert np.array_equal(pixels(player, "ours"), constant)
     press(player, Keys.ARROW_RIGHT)
-    assert divider.get_attribute("aria-valuetext") == "1 % ours, 99 % constant"
+    assert divider.get_attribute("aria-valuetext") == "1 % track, 99 % constant"
     press(player, "1")
-    assert text(player, "#pair") == "full | ours"
+    assert text(player, "#pair") == "full | track"
     press(player, "2")
     settled(player, 10)  # the arrows moved the divider, not the film
 

@@ -17,14 +17,14 @@ from evenlight.analysis.report import Picture, Report, Section, Table, write_rep
 # The widest tables of `reproduce`, `analyze` and `fit`: their columns and their widest rows.
 KEPT = {
     "pairs": (
-        "locations | ours first | baseline first | not known | hazard ratio | 95 % CI | p | exact p | "
+        "locations | the track first | baseline first | not known | hazard ratio | 95 % CI | p | exact p | "
         "rings found | 95 % CI | p | exact p | remark",
         "brightened | 173 | 181 | 3 | 1.50 | 0.93 to 2.41 | 0.73 | 0.096 | +2.0 % | -14.0 to +9.6 % | "
         "0.59 | 0.77 | in no pair was the ring found in one version alone: the data give no interval",
     ),
     "quality": (
-        "sequence | origin | ours is | constant: mean | SEM | ours: mean | SEM | ours - constant | 95 % CI | "
-        "p, exact | Holm | ours chosen [%] | 95 % CI",
+        "sequence | origin | it is | constant: mean | SEM | the track: mean | SEM | the track - constant | "
+        "95 % CI | p, exact | Holm | the track chosen [%] | 95 % CI",
         "Living room | simulated | circular | 4.35 | 0.15 | 4.18 | 0.23 | -0.18 | -0.60 to 0.23 | 0.56 | "
         "1 | 47 | 23 to 72",
     ),

@@ -133,7 +133,8 @@ def test_every_table_and_figure_of_the_paper_is_there(folder) -> None:
 
 
 def test_what_is_wrong_with_recorded_searches_is_the_first_thing_said(folder) -> None:
-    said = "in the searches ours was shown first in all 12 pairs"  # four people, three places: see `searched`
+    # Four people, three places: see `searched`.
+    said = "in the searches the track was shown first in all 12 pairs"
     page = (folder / "report.html").read_text()
     assert page.split('<p class="lead">')[1].startswith(f"Caution: {said}")
     summary = read_json_record(AnalysisSummary, folder / "reproduction.json")
