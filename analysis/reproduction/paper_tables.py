@@ -41,7 +41,7 @@ from evenlight.method.rate_limit import rate_limit_at
 
 TABLE = "detail_quality"
 VERSIONS = ("baseline", "ours")
-COLUMNS = {"baseline": "constant", "ours": "the track", "full": "full brightness"}  # of the table of powers
+COLUMNS = {"baseline": "constant", "ours": "ours", "full": "full brightness"}  # of the table of powers
 ASSUMED = "assumed"  # the table of what is true of simulated participants
 VIEWERS = "simulated_viewers"
 SHORT = {

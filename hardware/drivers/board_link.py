@@ -9,6 +9,7 @@ import math
 import os
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from weakref import WeakValueDictionary
 
 from evenlight.hardware.drivers import board_protocol as protocol
@@ -21,6 +22,30 @@ HIGHEST_TAG = 999
 # A port is open once in a process; a board is forgotten with the last device that uses it.
 _at_ports: WeakValueDictionary[str, PowerBoard] = WeakValueDictionary()
 OPTIONS = {"baud": "baud rate of the board's serial port"}
+
+
+@dataclass(frozen=True, slots=True)
+class BoardIdentity:
+    """What a board says of itself.
+
+    Attributes
+    ----------
+    chip, serial_number, firmware : str
+        "INA219", "INA226" or "INA228", and so on.
+    highest_rate : float
+        The highest sample rate that sensor, microcontroller and line have [Hz].
+    highest_power : float
+        Above it the sensor saturates [W].
+    pwm_steps : int
+        Of the backlight above 0; 0 if it has no PWM output.
+    """
+
+    chip: str
+    serial_number: str
+    firmware: str
+    highest_rate: float
+    highest_power: float
+    pwm_steps: int
 
 
 class PowerBoard(ContextDevice):
@@ -42,14 +67,8 @@ class PowerBoard(ContextDevice):
     ----------
     url, name : str
         As it was opened; what messages call the board.
-    chip, serial_number, firmware : str
-        What the board says of itself: "INA219", "INA226" or "INA228", and so on.
-    highest_rate : float
-        The highest sample rate that sensor, microcontroller and line have [Hz].
-    highest_power : float
-        Above it the sensor saturates [W].
-    pwm_steps : int
-        Of the backlight above 0; 0 if it has no PWM output.
+    identity : BoardIdentity
+        What the board says of itself.
     corrupted_lines : int
         How many had a wrong checksum since the board was opened.
 
@@ -78,7 +97,7 @@ class PowerBoard(ContextDevice):
         self._event: InstrumentError | None = None
         self._strange = ""  # the last line that no board sends
         try:
-            self._identify(baud_rate)
+            self.identity = self._identify(baud_rate)
         except BaseException:
             self._link.close()
             raise
@@ -198,7 +217,7 @@ class PowerBoard(ContextDevice):
             str(number),
         )
 
-    def _identify(self, baud_rate: float) -> None:
+    def _identify(self, baud_rate: float) -> BoardIdentity:
         try:
             self._link.forget()
             words = self.ask("ID?")
@@ -212,18 +231,18 @@ class PowerBoard(ContextDevice):
                 Fault.WRONG_INSTRUMENT,
             )
         try:
-            self.chip, self.serial_number, self.firmware = said["chip"], said["serial"], said["firmware"]
+            chip, serial_number, firmware = said["chip"], said["serial"], said["firmware"]
             rate, power = float(said["max_rate_hz"]), int(said["max_power_uw"]) * 1e-6
-            is_usb, self.pwm_steps = said["line"] == "usb", int(said["pwm_steps"])
+            is_usb, pwm_steps = said["line"] == "usb", int(said["pwm_steps"])
         except (KeyError, ValueError) as error:
             raise self._no_identity(str(error)) from None
         possible = {
-            "max_rate_hz": 0 < rate < math.inf, "max_power_uw": power > 0, "pwm_steps": self.pwm_steps >= 0
+            "max_rate_hz": 0 < rate < math.inf, "max_power_uw": power > 0, "pwm_steps": pwm_steps >= 0
         }  # fmt: skip
         for key in (key for key, holds in possible.items() if not holds):
             raise self._no_identity(f"{key}={said[key]}")
-        self.highest_rate = rate if is_usb else min(rate, protocol.fastest_over(baud_rate))
-        self.highest_power = power
+        highest = rate if is_usb else min(rate, protocol.fastest_over(baud_rate))
+        return BoardIdentity(chip, serial_number, firmware, highest, power, pwm_steps)
 
     def _no_identity(self, what: str) -> InstrumentError:
         return self._error(

@@ -32,7 +32,7 @@ class BoardPowerMeter(SamplingMeter, Instrument):
 
     def _open(self, address: str) -> None:
         self._board = board_at(address, self._clock, self._timeout)
-        self._name, self._rates = self._board.name, (protocol.SLOWEST, self._board.highest_rate)
+        self._name, self._rates = self._board.name, (protocol.SLOWEST, self._board.identity.highest_rate)
         self._pending: list[PowerSample] = []
 
     def _begin(self, rate: float) -> float:
@@ -84,13 +84,13 @@ class BoardPowerMeter(SamplingMeter, Instrument):
 
     def apparatus(self) -> dict[str, str]:
         """Return what the board says of itself."""
-        board = self._board
+        said = self._board.identity
         return {
-            "power_meter": f"{protocol.FAMILY}, {board.chip}",
-            "power_meter_serial": board.serial_number,
-            "power_meter_firmware": board.firmware,
-            "power_meter_range": f"{board.highest_power:g} W",
-            "power_meter_corrupted_lines": str(board.corrupted_lines),
+            "power_meter": f"{protocol.FAMILY}, {said.chip}",
+            "power_meter_serial": said.serial_number,
+            "power_meter_firmware": said.firmware,
+            "power_meter_range": f"{said.highest_power:g} W",
+            "power_meter_corrupted_lines": str(self._board.corrupted_lines),
         }
 
     def close(self) -> None:
@@ -129,9 +129,10 @@ class BoardPowerMeter(SamplingMeter, Instrument):
         flag = protocol.Flag
         if line.flags & (flag.SHUNT_OVERLOAD | flag.BUS_OVERLOAD):
             what = "current" if flag.SHUNT_OVERLOAD in line.flags else "voltage"
+            sensor = self._board.identity
             raise self._error(
-                f"the {what} is above what the {self._board.chip} measures, "
-                f"{self._board.highest_power:g} W in all; take a smaller shunt, or a sensor of a wider range",
+                f"the {what} is above what the {sensor.chip} measures, "
+                f"{sensor.highest_power:g} W in all; take a smaller shunt, or a sensor of a wider range",
                 Fault.OVER_RANGE,
                 f"flags {int(line.flags):X}",
             )
@@ -158,7 +159,7 @@ class BoardBacklight(SteppedBacklight, Instrument):
 
     def _open(self, address: str) -> None:
         self._board = board_at(address, self._clock, self._timeout)
-        self._name, self._steps = self._board.name, self._board.pwm_steps
+        self._name, self._steps = self._board.name, self._board.identity.pwm_steps
         try:
             if self._steps == 0:
                 raise self._error(protocol.ERROR_WORDS[7], code="7")
