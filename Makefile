@@ -35,7 +35,8 @@ test-fast: .venv/.dev-ready
 test-docs: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m every_page
 
-# What is about real time by nature (keys, players, a browser, replies by a clock): on a computer that does nothing else.
+# Real time by nature (keys, players, a browser, a headset's runtime, replies by a clock): on a computer that does
+# nothing else.
 test-realtime: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 1 -m real_time
 
@@ -45,7 +46,7 @@ studies: .venv/.test-ready
 	$(BIN)/python -m pytest -n 2 -o "python_files=claims_*.py" benchmarks/studies
 	$(BIN)/python -m pytest -n 2 -m "study or hypothesis" --hypothesis-profile random tests
 
-# Sessions in an OpenXR runtime with a simulated headset, which `make test` has too: as root, with debootstrap.
+# Sessions in an OpenXR runtime with a simulated headset, which `make test-realtime` has too: as root, with debootstrap.
 test-headset: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= tests/headset/runtime-tree.sh $(BIN)/python -m pytest -n 0 tests/headset
 

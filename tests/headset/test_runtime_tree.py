@@ -25,7 +25,7 @@ def run_in_tree(*words: str, **variables: str) -> subprocess.CompletedProcess[st
     )
 
 
-@pytest.mark.slow
+@pytest.mark.real_time
 @pytest.mark.timeout(1260)  # the script ends itself before
 def test_the_tests_in_a_runtime_pass() -> None:
     ended = run_in_tree("-m", "pytest", "-n", "0", "--color=no", str(FOLDER))

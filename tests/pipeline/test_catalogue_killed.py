@@ -15,7 +15,7 @@ from warm_evenlight import Run
 
 from evenlight.cluster import SchedulerLostError, Workers
 
-CLIPS, KILLS = 8, 3  # `python tests/companions/killed_workers.py 40 20` for more
+CLIPS, KILLS = 6, 2  # `python tests/companions/killed_workers.py 40 20` for more
 
 
 @pytest.fixture(scope="module")

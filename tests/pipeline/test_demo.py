@@ -24,8 +24,11 @@ from evenlight.stimuli.sequences import built_in_sequence
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
+    """Of a smaller sunrise than the command's own, which the commands of the README make."""
     out = tmp_path_factory.mktemp("demo") / "out"
-    with pytest.raises(SystemExit) as ended:
+    small = built_in_sequence("sunrise", size=(96, 54), duration=40.0, frames_per_second=2.5)
+    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+        patch.setattr("evenlight.stimuli.sequences.built_in_sequence", lambda name, **_: small)
         command_line.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
     assert not ended.value.code
     return out
