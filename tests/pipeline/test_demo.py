@@ -27,9 +27,10 @@ def folder(tmp_path_factory):
     """Of a smaller sunrise than the command's own, which the commands of the README make."""
     out = tmp_path_factory.mktemp("demo") / "out"
     small = built_in_sequence("sunrise", size=(96, 54), duration=40.0, frames_per_second=2.5)
-    with pytest.MonkeyPatch.context() as patch, pytest.raises(SystemExit) as ended:
+    with pytest.MonkeyPatch.context() as patch:
         patch.setattr("evenlight.stimuli.sequences.built_in_sequence", lambda name, **_: small)
-        command_line.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
+        with pytest.raises(SystemExit) as ended:
+            command_line.main(["demo", "--out", str(out), "--participants", "4", "--seed", "3", "--quiet"])
     assert not ended.value.code
     return out
 

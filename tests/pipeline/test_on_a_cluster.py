@@ -1,7 +1,7 @@
 """Simulations and benchmarks on a cluster give what they give without one, however many workers there are.
 
-One cluster of two processes serves these tests. Four workers are threads of this one: each process imports all
-there is, which takes seconds.
+One cluster of two processes serves these tests. Four workers are threads of this one: each process imports
+all there is, which takes seconds.
 """
 
 import logging
