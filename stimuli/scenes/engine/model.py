@@ -133,7 +133,7 @@ class SceneModel:
             np.abs(mapped[0] + mapped[2] - mapped[1] - mapped[3]).max() < FLAT
         )
         chosen = np.array([[0, 1, 3]] if regular else [[0, 1, 2], [0, 2, 3]])
-        given = np.tile(facing, (4, 1)) if normals is None else np.asarray(normals, float)
+        given = np.array([facing] * 4) if normals is None else np.asarray(normals, float)
         pieces = four[chosen], given[chosen], mapped[chosen]
         self._take(*pieces, material, tint, shine, triangle=not regular)
 
@@ -374,9 +374,8 @@ class SceneModel:
         if known is not material and known != material:
             raise ValueError(f"scene {self.name}: two different materials are called {material.name!r}")
         index = list(self._materials).index(material.name)
-        origin, *ends = np.moveaxis(self._placed(corners), 1, 0)
-        edges = [end - origin for end in ends]
-        self._pieces.append((origin, *edges, normals @ self._turned.T, uvs))
+        origin, along, across = self._placed(corners).swapaxes(0, 1)
+        self._pieces.append((origin, along - origin, across - origin, normals @ self._turned.T, uvs))
         self._common.append((triangle, index, np.asarray(tint, float), np.asarray(shine, float)))
 
     def _placed(self, points: Floats) -> Floats:

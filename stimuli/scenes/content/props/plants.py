@@ -10,8 +10,10 @@ import numpy as np
 
 from evenlight.data_schema.arrays import Array
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
+from evenlight.stimuli.scenes.engine.shapes import at_right_angles
 
 ROUND = 0.75  # share of a ball's normal in that of a sprig, against its own
+CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])  # of a card
 
 
 def tree(
@@ -89,17 +91,16 @@ class Sprig:
 def card(model: SceneModel, sprig: Sprig, leafy: Material, rng: np.random.Generator) -> None:
     """Add one square of foliage; each has a green of its own."""
     normal = sprig.facing / np.linalg.norm(sprig.facing)
-    first = np.cross(normal, rng.normal(size=3))
+    first = at_right_angles(normal, rng.normal(size=3))
     first /= np.linalg.norm(first)
-    second = np.cross(normal, first)
-    signs = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
-    corners = sprig.middle + sprig.size / 2 * signs @ np.stack([first, second])
+    second = at_right_angles(normal, first)
+    corners = sprig.middle + sprig.size / 2 * CORNERS @ np.array([first, second])
     outwards = corners - sprig.centre
     normals = ROUND * outwards / np.linalg.norm(outwards, axis=1, keepdims=True) + (1 - ROUND) * normal
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     red, shade, blue = rng.random(3)
     tint = sprig.shade * (0.6 + 0.35 * shade) * np.array([0.84 + 0.16 * red, 1.0, 0.7 + 0.3 * blue])
-    uvs = (signs * [rng.choice([-1, 1]), 1] + 1) / 2
+    uvs = (CORNERS * [rng.choice([-1, 1]), 1] + 1) / 2
     model.quad(corners, leafy, uvs=uvs, normals=normals, tint=tint.tolist())
 
 
