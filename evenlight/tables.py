@@ -195,7 +195,8 @@ def _record(
 ) -> Any:
     """Return the trial of a row; what is not in it and not needed has a default."""
     known, required = keys_of(cls)
-    unknown = {key: None for key, name in known.items() if name in nullable_fields(cls)}
+    nullable = nullable_fields(cls)
+    unknown = {key: None for key, name in known.items() if name in nullable}
     filled = {"session_id": "01", "trial_index": number, **unknown, **defaults}
     values = {key: value for key, value in filled.items() if key in required}
     values |= {key: value for key, value in row.items() if key in known}

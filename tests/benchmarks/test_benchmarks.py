@@ -166,7 +166,7 @@ def test_simulated_answers_follow_the_threshold_they_are_said_to_have() -> None:
 def fit_folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(fit_subject, "REFERENCE_NODES", (80, 52, 25, 17))  # a fifth of the work
+        patch.setattr(fit_subject, "REFERENCE_NODES", (60, 40, 20, 14))  # a twelfth of the work
         patch.setattr(fit_subject, "peak_memory", lambda task: 5.0)  # two processes, tested above
         (measured,) = measure_all({"fit": fit_subject.measure}, RunSettings(quick=True), folder)
     assert measured.notes[0].startswith("All answers are of simulated participants")

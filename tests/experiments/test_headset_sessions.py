@@ -74,7 +74,7 @@ def stimuli(
 ) -> Path:
     """Two short videos with their tracks, and a track for the camera path of the search."""
     folder = tmp_path_factory.mktemp("stimuli")
-    frames = np.arange(10)
+    frames = np.arange(6)
     for name, level in zip(NAMES, (0.8, 0.3), strict=True):
         make_stimulus(folder / name, 0.5 + 0.2 * np.sin(frames / 3), frames_per_second=10.0)
         make_video(folder / name / "video.mkv", level * (1 + frames / 40), (160, 96), 10.0)
