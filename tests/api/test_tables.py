@@ -10,6 +10,9 @@ import pytest
 
 import evenlight
 
+# tests/pipeline and tests/analysis draw the same pictures.
+pytestmark = pytest.mark.usefixtures("blank_pictures")
+
 LEVELS = (8.0, 20.0, 40.0, 60.0, 80.0, 100.0)  # [cd/m^2]
 RELATIVE = 0.03  # the rate noticed in 75 % of the trials, as a share of the luminance per second
 

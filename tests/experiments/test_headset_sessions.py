@@ -18,6 +18,7 @@ from evenlight.data_schema.recordings.search import SearchDesign
 from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign
 from evenlight.experiments import run_session as running
+from evenlight.experiments.headset import headset_stage
 from evenlight.experiments.headset.headset_stage import (
     BROKEN_OFF,
     NOT_SHOWN,
@@ -28,6 +29,7 @@ from evenlight.experiments.run_session import SessionOutcome, SessionRequest, ru
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.staging import Staging
+from evenlight.hardware.presentation import headset_window
 from evenlight.hardware.presentation.headset_views import EyeFov, HeadsetFacts, centre_pixels_per_degree
 from evenlight.hardware.protocols import InstrumentError, KeyPress
 from evenlight.hardware.rig_files import load_rig
@@ -64,6 +66,15 @@ EAGER = tuple(
     for k in range(1, 2000)
     for name, after in (("stick_right", 0.0), ("trigger", 0.125))
 )
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _small_panel() -> Iterator[None]:
+    """A panel of pages with a quarter of the pixels: its text is as large, and no test reads it."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (headset_stage, headset_window):
+            patch.setattr(module, "PANEL_SIZE", (640, 480))
+        yield
 
 
 @pytest.fixture(scope="module")
