@@ -139,7 +139,7 @@ def _saving(summary: OptimizationSummary) -> str:
     panel = summary.power_model
     where = "" if panel == summary.display else f" on the display of the power model {panel}"
     if panel == PUBLISHED != summary.display:
-        where = f" on the published panel ({panel}; give {summary.display}'s own as `--power-model`)"
+        where = f" on the published panel ({panel}; give {summary.display}'s own as --power-model)"
     if not saved > 1e-6 * full:
         return f"{summary.video} saves no power{where}: {watts(full)}, as at full brightness"
     of_full = f"{watts(saved).removesuffix(' W')} of {watts(full)} ({100 * saved / full:.0f} %)"

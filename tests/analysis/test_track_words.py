@@ -52,7 +52,7 @@ def test_a_battery_is_told_in_hours_of_the_power_models_display_alone() -> None:
         "alone 20 h instead of 5 h"
     )
     published = gain_in_words(summary(power_model="surace2025"))[0]
-    assert published.endswith(" on the published panel (surace2025; give desk's own as `--power-model`)")
+    assert published.endswith(" on the published panel (surace2025; give desk's own as --power-model)")
 
 
 @pytest.mark.parametrize(("ours", "told"), [(0.00055, "0.055"), (0.0, "0.000")])

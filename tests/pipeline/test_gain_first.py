@@ -23,7 +23,7 @@ def test_the_first_lines_say_what_is_gained_and_for_how_long(command, tmp_path, 
     lines = done.out.splitlines()
     assert lines[0].startswith("clip saves ")
     assert lines[0].endswith(
-        " on the published panel (surace2025; give varjo-xr3's own as `--power-model`); "
+        " on the published panel (surace2025; give varjo-xr3's own as --power-model); "
         f"10 Wh last that panel alone {hours:.3g} h instead of 5.92 h"
     )
     assert "of the visible contrast is lost on average" in lines[1]

@@ -374,6 +374,13 @@ def test_equal_contents_give_equal_pages(content: PlayerContent) -> None:
     assert player_html(content) == player_html(content)
 
 
+def test_an_option_that_its_words_name_is_shown_without_backticks(content: PlayerContent) -> None:
+    data = replace(content.data, summary=replace(content.data.summary, power_model="surace2025"))
+    header = player_html(replace(content, data=data)).partition("<header>")[2].partition("</header>")[0]
+    assert "as --power-model)" in header
+    assert "`" not in header
+
+
 def luminance(colour: str) -> float:
     """Relative luminance of #rrggbb (WCAG 2.2)."""
     parts = np.array([int(colour[k : k + 2], 16) for k in (1, 3, 5)]) / 255
