@@ -59,7 +59,7 @@ def _job(asked: ControlledOptions, on: DimmedOn) -> ControlJob:
     effort = AnalysisEffort()
     if asked.curves is None:
         effort = asked.effort(display, on.model()[0], asked.quiet)
-    work = on.job(open_video(asked.video, on.fps), display, request)
+    work = on.job(open_video(asked.video, on.fps, on.damaged, on.stream), display, request)
     return ControlJob(
         replace(work, curves=path_of(asked.curves), quiet=asked.quiet, effort=effort),
         settings,

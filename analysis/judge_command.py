@@ -47,7 +47,7 @@ def judge(
     from evenlight.data_schema.tracks.loaded_track import load_track
     from evenlight.method.choices import AnalysisEffort
     from evenlight.stimuli.dimmed.matched_track import display_of
-    from evenlight.stimuli.sequences import open_video
+    from evenlight.stimuli.sequences import open_as_read
 
     whole("jobs", jobs)
     names = tuple(dict.fromkeys(MEASURES if measures is None else names_in(measures)))
@@ -56,7 +56,7 @@ def judge(
             raise must_be_one_of("measures", name, MEASURES)
     loaded = load_track(track)
     found = judge_track(
-        open_video(video, fps),
+        open_as_read(video, loaded.track.header.film, fps),
         display_of(loaded.track, None if display is None else str(display)),
         loaded,
         names,

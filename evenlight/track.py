@@ -31,6 +31,7 @@ from evenlight.data_schema.tracks.brightness_track import (
     track_columns,
     write_track,
 )
+from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.data_schema.tracks.loss_curves import (
     LossCurves,
     read_loss_curves,
@@ -219,12 +220,16 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
         asked = _of_curves(asked, known)
     asked.check()
     display, posed = asked.posed(known)
-    source = AnalysedVideo(known) if known is not None else video_of(video, asked.fps)  # type: ignore[arg-type] # no curves
+    source = AnalysedVideo(known) if known is not None else _video_of(video, asked)
     job = asked.job(source, display, posed)
     effort = asked.effort(display, job.model, quiet=True)
     _, clips = optimize_video(replace(job, effort=effort, cached=False, player=False, quiet=True))
     first, *others = (Track(drawn.track, drawn.summary, curves) for curves, drawn in clips)
     return replace(first, others=tuple(others))
+
+
+def _video_of(video: object, asked: TrackRequest) -> VideoSource:
+    return video_of(video, asked.fps, damaged=asked.damaged, stream=asked.stream)  # type: ignore[arg-type] # no curves
 
 
 def _of_curves(asked: TrackRequest, known: LossCurves) -> TrackRequest:
@@ -235,6 +240,8 @@ def _of_curves(asked: TrackRequest, known: LossCurves) -> TrackRequest:
         "display": (None, known.display),
         "min_factor": (0.2, lowest),
         "fps": (None,),
+        "damaged": (Damaged.REFUSE, "refuse"),
+        "stream": (None,),
         "field_of_view": (None,),
     }
     if names := ", ".join(name for name, taken in own.items() if getattr(asked, name) not in taken):

@@ -71,14 +71,14 @@ def apply(
 
 def _video_of(name: str, track: Path, fps: float | None) -> VideoSource:
     from evenlight.data_schema.tracks.loaded_track import frame_durations, load_track
-    from evenlight.stimuli.sequences import is_sequence, open_video
+    from evenlight.stimuli.sequences import is_sequence, open_as_read
     from evenlight.stimuli.video.video_locations import is_url
     from evenlight.stimuli.video.video_source import rate_from_number
 
-    path = Path(name)
+    path, made = Path(name), load_track(track).track
     if fps is None and not is_url(name) and (path.is_dir() or (is_sequence(name) and not path.exists())):
-        fps = float(rate_from_number(1 / float(frame_durations(load_track(track).track).mean())))
-    return open_video(name, fps)
+        fps = float(rate_from_number(1 / float(frame_durations(made).mean())))
+    return open_as_read(name, made.header.film, fps)
 
 
 def _say(

@@ -15,6 +15,7 @@ import typer
 
 from evenlight.data_schema.errors import ArgumentError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.method.choices import LimitCurve
 from evenlight.option_panels import asked, computation, expert, limits, viewing
 
@@ -75,6 +76,19 @@ DisplayOption = Annotated[
 ]
 FpsOption = Annotated[
     float | None, viewing(help="Frames per second, for a folder of images or a built-in sequence.")
+]
+DamagedOption = Annotated[
+    Member[Damaged],
+    viewing(
+        help="What becomes of pictures that a film's damage costs, up to its next key frame: the film is "
+        "refused, the picture before them is held, or they are skipped."
+    ),
+]
+StreamOption = Annotated[
+    int | None,
+    expert(
+        metavar="N", help="Stream of the film, as FFmpeg counts them. Otherwise the one that players take."
+    ),
 ]
 JobsOption = Annotated[
     int, computation(help="How many frames to analyse at the same time, each on a core; 0: on all cores.")

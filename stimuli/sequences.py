@@ -10,9 +10,10 @@ from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 
-from evenlight.data_schema.arguments import number
+from evenlight.data_schema.arguments import choice, number, whole
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
+from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.checkerboard import Checkerboard
 from evenlight.stimuli.scenes.content.catalogue import is_scene_file
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence, standard_format
@@ -91,7 +92,12 @@ def built_in_sequence(
         raise InputError(f"cannot render {name}: {error}") from error
 
 
-def open_videos(names: Sequence[str], fps: float | None = None) -> tuple[VideoSource, ...]:
+def open_videos(
+    names: Sequence[str],
+    fps: float | None = None,
+    damaged: Damaged | str = "refuse",
+    stream: int | None = None,
+) -> tuple[VideoSource, ...]:
     """Return the videos of some names; those without a frame rate of their own get the one given.
 
     Parameters
@@ -100,6 +106,8 @@ def open_videos(names: Sequence[str], fps: float | None = None) -> tuple[VideoSo
         As in `open_video`.
     fps : float, optional
         Frame rate of folders of images and of built-in sequences [Hz].
+    damaged, stream
+        As in `open_video`.
 
     Raises
     ------
@@ -108,7 +116,7 @@ def open_videos(names: Sequence[str], fps: float | None = None) -> tuple[VideoSo
     """
     own = [_has_its_rate(name) for name in names]
     return tuple(
-        open_video(name, None if has_rate and not all(own) else fps)
+        open_video(name, None if has_rate and not all(own) else fps, damaged, stream)
         for name, has_rate in zip(names, own, strict=True)
     )
 
@@ -120,7 +128,17 @@ def _has_its_rate(name: str) -> bool:
     return path.exists() and not path.is_dir() and path.suffix != ".json"
 
 
-def open_video(name: str | PathLike[str], fps: float | None = None) -> VideoSource:
+def open_as_read(name: str, film: FilmReading | None, fps: float | None = None) -> VideoSource:
+    """Return the video of a name, read as the film of a track was."""
+    return open_video(name, fps) if film is None else open_video(name, fps, film.damaged, film.stream)
+
+
+def open_video(
+    name: str | PathLike[str],
+    fps: float | None = None,
+    damaged: Damaged | str = "refuse",
+    stream: int | None = None,
+) -> VideoSource:
     """Return the video of a name: a file's path or URL, a folder's path, else a built-in sequence.
 
     Parameters
@@ -130,6 +148,11 @@ def open_video(name: str | PathLike[str], fps: float | None = None) -> VideoSour
         path.
     fps : float, optional
         Frame rate of a folder of images, or of a built-in sequence; 25 if not given [Hz].
+    damaged : Damaged or str
+        What becomes of pictures that a film's damage costs, up to its next key frame: "refuse", "hold" (the
+        picture before them is shown on), or "skip" (they are left out).
+    stream : int, optional
+        Stream of the film, as FFmpeg counts them; else the one that players take.
 
     Raises
     ------
@@ -143,6 +166,9 @@ def open_video(name: str | PathLike[str], fps: float | None = None) -> VideoSour
         raise ArgumentError("video", f"must be a path or a built-in sequence's name, got {shown_kind(name)}")
     if fps is not None:
         number("fps", fps)
+    policy = choice("damaged", damaged, Damaged)
+    if stream is not None:
+        whole("stream", stream)
     name = local_name(fspath(name))
     if is_scene_file(name) and not is_url(name):
         return built_in_sequence(name)
@@ -155,7 +181,7 @@ def open_video(name: str | PathLike[str], fps: float | None = None) -> VideoSour
                 f"{shown_name(name)} has its own frame rate; only a folder of images or a built-in sequence "
                 f"takes one, got {fps:g}"
             )
-        return open_video_file(path)
+        return open_video_file(path, policy, stream)
     if is_sequence(name):
         return built_in_sequence(name, frames_per_second=fps)
     raise InputError(

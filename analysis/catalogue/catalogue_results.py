@@ -47,7 +47,7 @@ if TYPE_CHECKING:
 LOOK_EVERY = 1.0  # [s] for what is done
 DEFECT = "a defect of Evenlight, or of a package that it uses"
 RESULT, LOSS_CURVES = "catalogue.json", "loss_curves.npz"
-OF_CURVES = ("min_factor", "field_of_view", "actuator", "fps")
+OF_CURVES = ("min_factor", "field_of_view", "actuator", "fps", "damaged", "stream")
 # Options that tell nothing of a result: files, whose content counts, and what is only kept or allowed.
 NOT_OF_RESULT = (
     "display", "power_model", "rate_limit", "curves", "weights", "allowances", "no_cache", "other_display_ok",
@@ -125,7 +125,7 @@ def _made(video: CatalogueVideo) -> tuple[CatalogueRow, bool]:
         source: VideoSource = AnalysedVideo(read_loss_curves(Path(video.video)))
         sha256 = sha256_of_file(Path(video.video))
     else:
-        source = open_video(video.video, asked.fps)
+        source = open_video(video.video, asked.fps, asked.damaged, asked.stream)
         sha256 = source.sha256()
     key, curves_key = _keys_of(asked, posed, sha256)
     if known is not None and known.key == key:

@@ -10,12 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 from evenlight.data_schema.arguments import choice, flag, number
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
 from evenlight.method.contrast.measures import MEASURES
 from evenlight.option_panels import asked, expert, output, viewing, words_and_files
 from evenlight.stimuli.dimming_options import (
     BATTERIES,
     MIN_FACTORS,
+    DamagedOption,
     File,
     FpsOption,
     Member,
@@ -23,6 +25,7 @@ from evenlight.stimuli.dimming_options import (
     NamedPowerModel,
     NoCacheOption,
     OnDisplay,
+    StreamOption,
     WithinLimit,
     power_model_option,
 )
@@ -140,6 +143,8 @@ class DimmedOn(Dimmed):
             help="Capacity of a battery, in watt hours, to say how long the display lasts on it.",
         ),
     ] = None
+    damaged: DamagedOption = Damaged.REFUSE
+    stream: StreamOption = None
     no_cache: NoCacheOption = False
     no_player: Annotated[
         bool,

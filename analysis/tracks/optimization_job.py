@@ -29,14 +29,15 @@ from evenlight.method.contrast.measures import MEASURES, measure_named
 from evenlight.method.optimizer.request import Request
 from evenlight.progress import counted, shown_progress
 from evenlight.stimuli.video.curves_cache import CurvesCache
-from evenlight.stimuli.video.square_pixels import in_words, pixel_aspect
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
 from evenlight.stimuli.video.video_source import (
     VideoSource,
     closing_frames,
     field_of_view_of,
+    film_reading,
     frames_at,
     frames_from,
+    notes_on,
 )
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, geometry_words, seen_video
 
@@ -114,8 +115,8 @@ def loss_curves_of(
         If the curves of an earlier run are given, and are of another video, display or model.
     """
     source = job.source
-    if pixel_aspect(source) != 1:
-        _say(job, f"{source.name}: pixels of {in_words(pixel_aspect(source))}; resampled to square ones")
+    for note in notes_on(source):
+        _say(job, f"{source.name}: {note}")
     words = f"analysing {job.analysis_name}"
     with shown_progress(job.quiet) as progress:
         with closing_frames(counted(progress, source.frames(), words, source.n_frames)) as frames:
@@ -229,6 +230,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         wide_band_accepted=bool(request.rate_limit.wide_band),
         actuator=curves.actuator,
         display=display,
+        film=film_reading(job.source),
     )
 
 

@@ -265,7 +265,10 @@ class TrackRequest(Analysed, WantedOfAll):
             seed=self.seed,
             calm=self.calm,
             robust=self.robust_measures,
-            others=tuple(video_of(other, self.fps, "each of others") for other in self.others or ()),
+            others=tuple(
+                video_of(other, self.fps, "each of others", self.damaged, self.stream)
+                for other in self.others or ()
+            ),
             effort=AnalysisEffort(self.jobs, Device(self.device)),
             curves=path_of(self.curves),
             weights=path_of(self.weights),

@@ -34,6 +34,7 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in, numbered_rows
 from evenlight.data_schema.storage.text_files import read_json_record, write_json
 from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.data_schema.tracks.film_reading import FilmReading
 
 ROUNDING = 1e-3  # s: sections whose ends are rounded to milliseconds overlap by as much
 LUMINANCE_SLACK = 1e-3  # share of a display's luminance, for means of 32-bit numbers
@@ -89,6 +90,9 @@ class TrackHeader:
     )
     display: Display | None = described(
         "the display that it was made for; null in tracks of earlier versions", default=None
+    )
+    film: FilmReading | None = described(
+        "how the video's file was read; null of other videos, and in tracks of earlier versions", default=None
     )
 
 
@@ -249,6 +253,7 @@ class ExportedTrack:
         min_items=1,
     )
     provenance: Provenance = described("how the file was made")
+    film: FilmReading | None = as_in(TrackHeader, "film")
 
     def __post_init__(self) -> None:
         if len(self.times) != len(self.factors):

@@ -8,6 +8,7 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.tracks.brightness_track import PROCEDURE, WIDE_BAND, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.film_reading import FilmReading
 
 
 @record
@@ -173,6 +174,7 @@ class OptimizationSummary:
         above=0.0,
         default=1.0,
     )
+    film: FilmReading | None = as_in(TrackHeader, "film")
     share_at_limit: float | None = share(
         "share of the time in which the rate is within 1 % of the limit; null in older files", default=None
     )

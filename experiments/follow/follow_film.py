@@ -14,7 +14,8 @@ import typer
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.append_log import AppendedRows
 from evenlight.data_schema.tracks.brightness_track import require_light_of
-from evenlight.data_schema.tracks.loaded_track import track_file
+from evenlight.data_schema.tracks.film_reading import FilmReading
+from evenlight.data_schema.tracks.loaded_track import load_track, track_file
 from evenlight.experiments.follow.follow_command import FollowOptions
 from evenlight.experiments.follow.follow_loop import FollowedSetting, FollowLoop
 from evenlight.experiments.follow.limited_backlight import (
@@ -124,14 +125,14 @@ def _wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, Sca
         raise InputError(
             f"{options.video}: no such video file; what mpv plays is a file, so render a sequence"
         )
-    matched = match_track(
-        open_video_file(options.video), options.track, display, other_video_ok=options.other_video_ok
-    )
+    film = load_track(options.track).track.header.film or FilmReading()
+    video = open_video_file(options.video, film.damaged, film.stream)
+    matched = match_track(video, options.track, display, other_video_ok=options.other_video_ok)
     loaded, shown_on = matched.loaded, matched.display
     require_light_of(loaded.track, shown_on, track_file(options.track))
     limit = track_rate_limit(loaded.track, options.rate_limit)
     fastest = scalar_rate_limit(limit, shown_on.reflected_luminance, options.limit_curve)
-    return film_light(loaded, shown_on), fastest
+    return film_light(loaded, shown_on, video.reading.picture_start), fastest
 
 
 def _begun(options: FollowOptions, device: Backlight, follower: LimitedBacklight) -> str:

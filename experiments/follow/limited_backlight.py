@@ -36,17 +36,17 @@ REACHED = 1e-4  # of a factor: nearer than anybody sees, and than most backlight
 class FilmLight:
     """What is wanted of the backlight while a film plays."""
 
-    times: Array  # (N,): when its frames appear [s]
+    times: Array  # (N,): when its frames appear, on the clock of its file, as players tell positions [s]
     durations: Array  # (N,): for how long [s]
     factors: Array  # (N,): b of each
     luminance: Array  # (N,): Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]
     white: float  # that of a white screen [cd/m^2], for what is on screen when the film is not
 
 
-def film_light(loaded: LoadedTrack, display: Display) -> FilmLight:
-    """Return what a track wants of a display's backlight."""
+def film_light(loaded: LoadedTrack, display: Display, begin: float = 0.0) -> FilmLight:
+    """Return what a track wants of a display's backlight; its first frame appears at `begin` [s]."""
     track = loaded.track
-    times, factors = np.asarray(track.times), np.asarray(track.factors)
+    times, factors = np.asarray(track.times) + begin, np.asarray(track.factors)
     luminance = np.maximum(np.asarray(track.mean_luminance) - display.reflected_luminance, 0.0) / factors
     if loaded.modulated == ModulatedLuminance.WHITE_FIELD.value:
         luminance = np.full(len(factors), display.peak_luminance)

@@ -46,7 +46,7 @@ from evenlight.stimuli.commands import size_in
 from evenlight.stimuli.dimmed.matched_track import display_of, is_of
 from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
-from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_video
+from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_as_read
 from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_locations import is_url, local_name, shown_name
@@ -211,7 +211,8 @@ def video_of(name: str, track: BrightnessTrack, size: str | None) -> tuple[Video
         return sequence, (sequence.format.width, sequence.format.height)
     if size is not None:
         raise InputError(f"--size is for built-in sequences; {shown_name(name)} has a size of its own")
-    video = open_video(name, 1 / step if not is_url(name) and path.is_dir() else None)
+    fps = 1 / step if not is_url(name) and path.is_dir() else None
+    video = open_as_read(name, track.header.film, fps)
     return video, size_of(video)
 
 

@@ -163,6 +163,7 @@ def summarize(
         ),
         wide_band_accepted=header.wide_band_accepted,
         pixel_aspect=effort.pixel_aspect,
+        film=header.film,
         minimized=outcome,
         level_weight=minimized.level_weight,
         by_measure=answer.by_measure,

@@ -29,9 +29,10 @@ from evenlight.stimuli.dimmed.dimmed_samples import Codes
 from evenlight.stimuli.dimmed.dimming import pixel_scale, version_factors
 from evenlight.stimuli.dimmed.encoders import ENCODERS, Encoder
 from evenlight.stimuli.dimmed.matched_track import MatchedTrack
-from evenlight.stimuli.video.packets import REMEDY
+from evenlight.stimuli.video.film_reader import REMEDY
+from evenlight.stimuli.video.film_stream import FIELD_OF_VIEW, film_stream, opened_container
 from evenlight.stimuli.video.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
-from evenlight.stimuli.video.video_file import FIELD_OF_VIEW, VideoFile, opened_container, video_stream_of
+from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
 from evenlight.stimuli.video.video_writer import new_container, told_by_name
 
@@ -44,7 +45,6 @@ if TYPE_CHECKING:
 
     from evenlight.data_schema.arrays import Array
     from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
-    from evenlight.stimuli.video.video_locations import VideoPath
 
 SHOWN = {  # from the left
     AppliedVersion.OURS: (DimmedVersion.OURS,),
@@ -85,7 +85,7 @@ def apply_track(
     track, gamma, encoder = matched.loaded.track, matched.display.gamma, ENCODERS[file.codec]
     scales = [pixel_scale(version_factors(matched.loaded, one), gamma) for one in SHOWN[file.version]]
     with ExitStack() as stack:
-        copied = stack.enter_context(CopiedStreams(video.path)) if isinstance(video, VideoFile) else None
+        copied = stack.enter_context(CopiedStreams(video)) if isinstance(video, VideoFile) else None
         stream = None if copied is None else copied.video
         pictures = dimmed_pictures(video, stream, encoder, one_beside_other=len(scales) > 1)
         stamps = _frame_stamps(video, np.asarray(track.times), copied)
@@ -168,7 +168,7 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
 
     Parameters
     ----------
-    path : Path or RemoteFile
+    video : VideoFile
         The video file.
 
     Attributes
@@ -179,10 +179,10 @@ class CopiedStreams(AbstractContextManager["CopiedStreams"]):
         When the file begins, if that is later than 0: it begins at 0 when it is copied [s].
     """
 
-    def __init__(self, path: VideoPath) -> None:
-        self._path, self._opened = path, ExitStack()
-        self._source = self._opened.enter_context(opened_container(path))
-        self.video: VideoStream = video_stream_of(path, self._source)
+    def __init__(self, video: VideoFile) -> None:
+        self._path, self._opened = video.path, ExitStack()
+        self._source = self._opened.enter_context(opened_container(video.path))
+        self.video: VideoStream = film_stream(video.path, self._source, video.reading.stream)
         self.start = max(Fraction(self._source.start_time or 0, av.time_base), Fraction(0))
         self._targets: dict[int, Stream] = {}
         self._packets: Iterator[Packet[Any]] = iter(())

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from av.video.frame import VideoFrame
@@ -35,6 +35,7 @@ from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
 from evenlight.stimuli.video.frame_conversion import (
     BT709,
     LUMA_WEIGHTS,
+    display_matrix,
     matrix_of,
     planes_of,
 )
@@ -44,7 +45,6 @@ from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_source import VideoSource, closing_frames
 
 if TYPE_CHECKING:
-    from av.sidedata.sidedata import SideData
     from av.video.stream import VideoStream
 
     from evenlight.data_schema.arrays import Array
@@ -112,7 +112,7 @@ class DimmedPlanes:
                 first.colorspace, first.color_primaries, first.color_trc,
             ),
             aspect=stream.sample_aspect_ratio or SQUARE,
-            turned=_turned(first),
+            turned=display_matrix(first),
         )  # fmt: skip
 
     def dimmed(self, scales: Sequence[Array]) -> Iterator[tuple[float, list[list[Codes]]]]:
@@ -203,7 +203,7 @@ def dimmed_pictures(
         _, first = next(video.pictures())
         require_gamma_encoded(video.name, first)
         whole = encoder.name == "ffv1" or first.width % 2 == first.height % 2 == 0
-        fits = not one_beside_other or (first.rotation % 360 == 0 and first.width % 2 == 0)
+        fits = not one_beside_other or (display_matrix(first) is None and first.width % 2 == 0)
         # Matroska has the shape of pixels from the stream of H.264 and HEVC alone.
         square = (stream.sample_aspect_ratio or SQUARE) == SQUARE or encoder.name in ("libx264", "libx265")
         known = _layout(first) in encoder.layouts and matrix_of(first) in LUMA_WEIGHTS
@@ -220,11 +220,6 @@ def dimmed_pictures(
 def _layout(picture: VideoFrame) -> str | None:
     match = PLANAR.fullmatch(picture.format.name)
     return match and match[1]
-
-
-def _turned(picture: VideoFrame) -> tuple[int, ...] | None:
-    matrix = cast("SideData | None", picture.side_data.get("DISPLAYMATRIX"))
-    return None if matrix is None else tuple(np.frombuffer(bytes(matrix), np.int32).tolist())
 
 
 def _looks(picture: VideoFrame) -> tuple[Any, ...]:

@@ -19,12 +19,12 @@ from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import STEP, ExportedTrack
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.stimuli.dimmed.apply_options import DimmedVersion
 from evenlight.stimuli.dimmed.dimming import pixel_scale, version_factors
 
 TOLERANCE = 1 / 2040  # an eighth of white's 8-bit code value
-FRAME_STEP = 10  # [s] more than a frame's time may differ from its track's: by a late start, by rounding
 COMMANDS_AT_ONCE = 200  # FFmpeg 5.1 keeps, for each word of a list, as much memory as the rest of the list
 
 
@@ -52,6 +52,7 @@ def exported_track(loaded: LoadedTrack, display: Display, version: DimmedVersion
         times=tuple(loaded.track.times.tolist()),
         factors=tuple(version_factors(loaded, version).tolist()),
         provenance=provenance_now(inputs={"track": loaded.sha256}),
+        film=header.film,
     )
 
 
@@ -96,12 +97,12 @@ def stretches_of(track: ExportedTrack, tolerance: float = TOLERANCE) -> list[Str
 def ffmpeg_script(track: ExportedTrack) -> str:
     """Return a filter script: `ffmpeg -filter_complex_script FILE`.
 
-    The clock of the commands counts frames, so that a video that starts late and one of variable rate are
-    dimmed by the right frame's factor: `FRAME_STEP` for each frame is added to its time, and taken away.
+    The clock is the file's, which FFmpeg begins at 0. A command holds from the middle between two frames on.
     """
-    stretches = stretches_of(track)
-    commands = [  # each from half a step before the time of its first frame on
-        f"{track.times[first] + (first - 0.5) * FRAME_STEP:.6f} blend@dim all_opacity {scale:.7f}"
+    stretches, times = stretches_of(track), track.times
+    begin = 0.0 if track.film is None else track.film.picture_start
+    commands = [
+        f"{begin + (times[first - 1] + times[first]) / 2:.6f} blend@dim all_opacity {scale:.7f}"
         for first, _, scale in stretches[1:]
     ]
     lists = [
@@ -116,16 +117,14 @@ def ffmpeg_script(track: ExportedTrack) -> str:
         [
             f"sendcmd=c='# {words}",
             "# ffmpeg -i VIDEO -filter_complex_script FILE -acodec copy -pix_fmt yuv420p OUT",
-            "# In FFmpeg 7 and later, -/filter_complex FILE. For whole videos in SDR, for it counts frames.",
+            "# In FFmpeg 7 and later, -/filter_complex FILE. For whole videos in SDR, by their own clock.",
             "# Luma above white is cut off, colours above white are not.",
             f"0 blend@dim all_opacity {first:.7f}',",
-            f"setpts=PTS+N*{FRAME_STEP}/TB,",
             "scale=out_range=tv, format=yuv420p16le|yuv422p16le|yuv444p16le, limiter=max=60160:planes=1,",
             *lists,
             "split[film][copy];",
             "[copy]limiter=4096:4096:planes=1, limiter=32768:32768:planes=6[black];",
-            f"[film][black]blend@dim=all_mode=normal:all_opacity={first:.7f},",
-            f"setpts=PTS-N*{FRAME_STEP}/TB",
+            f"[film][black]blend@dim=all_mode=normal:all_opacity={first:.7f}",
             "",
         ]
     )
@@ -134,13 +133,15 @@ def ffmpeg_script(track: ExportedTrack) -> str:
 def mpv_script(track: ExportedTrack) -> str:
     """Return a Lua script: `mpv --script=FILE VIDEO`; the template `dim.lua` says how it works."""
     frame = float(np.median(np.diff(track.times))) if len(track.times) > 1 else 0.04
-    lines = (f"{track.times[s.first]:.6f} {s.scale:.7f}" for s in stretches_of(track))
+    film = track.film or FilmReading()
+    lines = (f"{film.picture_start + track.times[s.first]:.6f} {s.scale:.7f}" for s in stretches_of(track))
+    duration = film.picture_start + track.times[-1] + frame
     script = (resources.files("evenlight.stimuli.dimmed") / "dim.lua").read_text(encoding="utf-8")
     for name, text in (
         ("VIDEO", " ".join(track.video.split())),
         ("VERSION", track.version),
         ("GAMMA", f"{track.gamma:g}"),
-        ("DURATION", f"{track.times[-1] + frame:.6f}"),
+        ("DURATION", f"{max(duration, film.file_duration or 0.0):.6f}"),
         ("FRAME", f"{frame:.6f}"),
         ("TRACK", "\n".join(lines)),
     ):

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from av.video.reformatter import ColorRange, ColorTrc, Interpolation, VideoReformatter
@@ -17,9 +17,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from evenlight.data_schema.frame import Frame
-from evenlight.stimuli.video.square_pixels import SQUARE, with_square_pixels
+from evenlight.stimuli.video.square_pixels import SQUARE, SquarePixels
 
 if TYPE_CHECKING:
+    from av.sidedata.sidedata import SideData
     from av.video.format import VideoFormat
     from av.video.frame import VideoFrame
 
@@ -54,16 +55,23 @@ class ColourConverter:
     """
 
     def __init__(self, pixel_aspect: Fraction = SQUARE) -> None:
-        self._aspect = pixel_aspect
-        self._reformatter, self._resampler = VideoReformatter(), VideoReformatter()
+        self._squares, self._reformatter = SquarePixels(pixel_aspect), VideoReformatter()
 
-    def rgb(self, frame: VideoFrame) -> NDArray[Any]:
+    def squared(self, frame: VideoFrame) -> VideoFrame:
+        """Return a frame in square pixels with complete colour tags; R, G, B as they are (`SquarePixels`)."""
+        require_gamma_encoded(frame)
+        complete_tags(frame)
+        return self._squares.of_frame(frame)
+
+    def rgb(self, frame: VideoFrame, *, is_squared: bool = False) -> NDArray[Any]:
         """Return gamma-encoded R, G, B over the full range of the integer type, upright, without alpha.
 
         Parameters
         ----------
         frame : VideoFrame
             A decoded frame; its colour tags are completed where it has none.
+        is_squared : bool
+            Whether it is one of `squared`.
 
         Returns
         -------
@@ -76,18 +84,14 @@ class ColourConverter:
             If the pixels are not gamma-encoded, or of a format or colour matrix that is not understood.
         """
         depth = _depth(frame.format)
-        require_gamma_encoded(frame)
-        complete_tags(frame)
+        frame = frame if is_squared else self.squared(frame)
         if frame.format.name.startswith(("gray", "ya")):
             pixels = _gray(frame, depth)
         elif depth <= 8:
             pixels = self._shallow(frame)
         else:
             pixels = self._deep(frame, depth)
-        if self._aspect != SQUARE:
-            pixels = with_square_pixels(pixels, self._aspect, self._resampler)
-        quarter_turns, rest = divmod(frame.rotation, 90)
-        return pixels if rest else np.ascontiguousarray(np.rot90(pixels, quarter_turns))
+        return upright(self._squares.of_rgb(pixels, frame), frame)
 
     def _shallow(self, frame: VideoFrame) -> NDArray[Any]:
         packed = "rgb24" if frame.format.is_rgb else "gbrp"  # to planes is 3 times as fast, and as exact
@@ -127,6 +131,29 @@ class ColourConverter:
             src_color_range=frame.color_range,
             dst_color_range=wanted,
         )
+
+
+def display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:
+    """Return how a picture is turned or mirrored to be seen, None if it is not (FFmpeg's display matrix)."""
+    try:
+        side = cast("SideData | None", frame.side_data.get("DISPLAYMATRIX"))
+    except ValueError:  # PyAV does not know all kinds of side data, such as an image's EXIF
+        return None
+    matrix = None if side is None else tuple(np.frombuffer(bytes(side), np.int32).tolist())
+    return None if matrix is None or (matrix[1] == matrix[3] == 0 < min(matrix[0], matrix[4])) else matrix
+
+
+def upright(pixels: NDArray[Any], frame: VideoFrame) -> NDArray[Any]:
+    """Return the pixels of a frame as its display matrix shows them, where that keeps rows and columns."""
+    matrix = display_matrix(frame)
+    if matrix is None:
+        return pixels
+    across, down = (matrix[0], matrix[4]), (matrix[3], matrix[1])
+    if any(across) == any(down):  # by another angle than quarter turns
+        return pixels
+    x, y = across if any(across) else down
+    seen = pixels if any(across) else pixels.swapaxes(0, 1)
+    return np.ascontiguousarray(seen[:: -1 if y < 0 else 1, :: -1 if x < 0 else 1])
 
 
 def _depth(pixel_format: VideoFormat) -> int:

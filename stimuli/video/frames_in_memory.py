@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from evenlight.data_schema.arguments import positive
 from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.method.contrast.loss_curves import SMALLEST_SIDE
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource
@@ -38,11 +39,15 @@ def frame_of(pixel_values: Any, duration: float = 1.0) -> Frame:
 
 
 def video_of(
-    given: Named | VideoSource | Frames, fps: float | None = None, argument: str = "video"
+    given: Named | VideoSource | Frames,
+    fps: float | None = None,
+    argument: str = "video",
+    damaged: Damaged | str = "refuse",
+    stream: int | None = None,
 ) -> VideoSource:
     """Return a video: of a path or built-in name, a source that is one already, or frames in memory."""
     if isinstance(given, str | PathLike):
-        return open_video(given, fps)
+        return open_video(given, fps, damaged, stream)
     if isinstance(given, VideoSource):
         return given
     if isinstance(given, np.ndarray) and given.ndim == 3:

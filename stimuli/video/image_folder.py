@@ -17,8 +17,8 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
 from evenlight.data_schema.storage.input_files import open_input, require_plain_file
 from evenlight.data_schema.tracks.loss_curves import UNREADABLE
+from evenlight.stimuli.video.film_reader import prepare
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
-from evenlight.stimuli.video.video_file import decode_strictly
 from evenlight.stimuli.video.video_locations import natural_order
 from evenlight.stimuli.video.video_source import rate_from_number
 
@@ -128,7 +128,7 @@ def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
     try:
         with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
             stream = container.streams.video[0]
-            decode_strictly(stream.codec_context)
+            prepare(stream.codec_context)
             picture = next(container.decode(stream))
             if picture.is_corrupt:
                 raise InputError(f"{file} is damaged; replace this image")

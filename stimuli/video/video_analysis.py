@@ -17,7 +17,7 @@ from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.contrast.pixel_floor import FlooredFrames
 from evenlight.stimuli.video.curves_cache import CurvesCache
-from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.video_source import VideoSource, film_reading
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry
 
 
@@ -88,6 +88,7 @@ class VideoAnalysis:
         made_of: dict[str, object] = {
             "video": made.inputs["video"],
             "frames": [source.n_frames, first.time, first.duration],  # a folder of images has any frame rate
+            "film": [] if (film := film_reading(source)) is None else [film.stream, film.damaged.value],
             "display": sha256_of_record(geometry.display),
             "sizes": [geometry.size, geometry.shown_size],
             "contrast_model": sha256_of_record(self.model),

@@ -6,72 +6,67 @@ Decoders report damage, where by default they would guess the picture.
 from __future__ import annotations
 
 import itertools
-import math
 from collections.abc import Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import TYPE_CHECKING
 
 import av
 import numpy as np
-from av.codec.context import CodecContext
 from av.error import FFmpegError
-from av.stream import Disposition
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
+from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
+from evenlight.stimuli.video.film_reader import GO_ON, REMEDY, FilmReader
+from evenlight.stimuli.video.film_stream import (
+    SUPPORTED,
+    field_of_view_tag,
+    opened_container,
+    streams_in_words,
+)
+from evenlight.stimuli.video.film_times import FilmTimes, times_of_packets, times_of_pictures
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
-from evenlight.stimuli.video.packets import REMEDY, timeline_of
-from evenlight.stimuli.video.square_pixels import SQUARE, pixel_aspect_of
-from evenlight.stimuli.video.video_locations import RemoteFile, VideoPath
+from evenlight.stimuli.video.square_pixels import SQUARE, in_words, pixel_aspect_of
+from evenlight.stimuli.video.video_locations import VideoPath
 from evenlight.stimuli.video.video_source import FrameTimes
 
 if TYPE_CHECKING:
     from av.container import InputContainer
-    from av.video.stream import VideoStream
 
-SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
 SEEK_BACK = (0.0, 10.0)  # [s] before a frame that is sought: from the key frame there it is decoded
-ALONE = {"protocol_whitelist": "none"}  # a file from elsewhere opens no other, as playlists do
-STRICT = {"err_detect": "crccheck+explode"}
-# FFmpeg's TIFF decoder then refuses good files too; it reports damage of its own accord.
-STRICT_ALREADY = ("tiff",)
-# In 240 files damaged at random these report it at the same frame as in one thread; MPEG-4 and FFV1 do not.
-DECODED_SIDE_BY_SIDE = ("h264", "hevc", "vp9")
-FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 
 
 @dataclass(frozen=True, slots=True)
 class VideoFile:
-    """A video file that has been read once, for its packets and its SHA-256, without decoding it.
+    """A video file that has been read once, for its packets and its SHA-256.
 
     Attributes
     ----------
     path : Path or RemoteFile
         The file, here or at a URL.
-    timeline : FrameTimes
-        When its frames appear.
+    timing : FilmTimes
+        When its frames appear, and how it is read.
     content : str
         SHA-256 of its bytes.
     pixel_aspect : Fraction
         Width of the file's pixels over their height; its frames come in square ones.
     field_of_view : float or None
         Angle that the width is to span for the viewer [deg]; None if the file does not say.
-    stamps : array of int, (frames,), or None
-        Time stamps of its frames, rising [ticks]; None where they do not tell them apart.
+    notes : tuple of str
+        What of it is not taken as it is in the file, or was chosen, in lines.
     """
 
     path: VideoPath
-    timeline: FrameTimes
+    timing: FilmTimes
     content: str
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
-    stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
+    notes: tuple[str, ...] = ()
     # Of pictures that were decoded: how their planes give their light (`PixelReader`).
     _planes: dict[object, tuple[bool, bool] | None] = field(
         default_factory=dict, init=False, compare=False, repr=False
@@ -81,6 +76,21 @@ class VideoFile:
     def name(self) -> str:
         """Short name for titles."""
         return self.path.stem
+
+    @property
+    def timeline(self) -> FrameTimes:
+        """When its pictures appear; those with a duration of 0 are never seen."""
+        return self.timing.timeline
+
+    @property
+    def reading(self) -> FilmReading:
+        """How it is read."""
+        return self.timing.reading
+
+    @property
+    def stamps(self) -> NDArray[np.int64] | None:
+        """Time stamps of its pictures, rising [ticks], (frames,); None where they do not tell them apart."""
+        return self.timing.stamps
 
     @property
     def n_frames(self) -> int:
@@ -148,31 +158,41 @@ class VideoFile:
             If a frame is damaged or missing.
         """
         durations = self.timeline.durations
-        k = int(np.flatnonzero(durations)[first]) if first > 0 else 0
-        with self._decoded_from(k) as pictures:
-            for picture in pictures:
-                if k == len(durations):
-                    raise InputError(
-                        f"{self.path} decodes to more than the {k} frames it announces; {REMEDY}"
-                    )
-                if durations[k] > 0:
-                    yield k, picture
+        begin = int(np.flatnonzero(durations)[first]) if first > 0 else 0
+        with self._decoded_from(begin) as (k, pictures):
+            yield from ((k, one) for k, one in self._placed(k, pictures) if k >= begin and durations[k] > 0)
+
+    def _placed(self, k: int, pictures: Iterator[av.VideoFrame]) -> Iterator[tuple[int, av.VideoFrame]]:
+        """Yield pictures with their places from one on, each also in those that are held after it."""
+        held = self.timing.held
+        for picture in pictures:
+            if k == len(held):
+                raise InputError(f"{self.path} decodes to more than the {k} frames it announces; {REMEDY}")
+            yield k, picture
+            k += 1
+            while k < len(held) and held[k]:
+                yield k, picture
                 k += 1
-        if k < len(durations):
-            raise InputError(
-                f"{self.path} is damaged: {k} of {len(durations)} frames can be decoded; {REMEDY}"
-            )
+        if k < len(held):
+            raise InputError(f"{self.path} is damaged: {k} of {len(held)} frames can be decoded; {GO_ON}")
 
     @contextmanager
-    def _decoded_from(self, first: int) -> Iterator[Iterator[av.VideoFrame]]:
-        for seconds in SEEK_BACK if first > 0 and self.stamps is not None else ():
+    def _decoded_from(self, first: int) -> Iterator[tuple[int, Iterator[av.VideoFrame]]]:
+        """Yield pictures from one at or before some place on, and the place of the first."""
+        can_seek = first > 0 and self.stamps is not None and self.reading.damaged is Damaged.REFUSE
+        for seconds in SEEK_BACK if can_seek else ():
             with opened_container(self.path) as container:
                 pictures = self._sought(container, first, seconds)
                 if pictures is not None:
-                    yield pictures
+                    yield first, pictures
                     return
         with opened_container(self.path) as container:
-            yield itertools.islice(self._decoded(container), first, None)
+            yield 0, self._reader(container).pictures()
+
+    def _reader(self, container: InputContainer) -> FilmReader:
+        how = self.reading
+        times = self.timeline.times if how.damaged is Damaged.REFUSE else None
+        return FilmReader(self.path, container, how.damaged, how.stream, times=times)
 
     def _sought(
         self, container: InputContainer, first: int, seconds: float
@@ -183,13 +203,14 @@ class VideoFile:
         frames before the key frame: then the search begins earlier.
         """
         assert self.stamps is not None
-        stream, wanted = video_stream_of(self.path, container), int(self.stamps[first])
+        reader, wanted = self._reader(container), int(self.stamps[first])
         try:
-            back = 0 if stream.time_base is None else round(seconds / stream.time_base)
-            container.seek(wanted - back, stream=stream)
-            pictures = self._decoded(container, sought=True)
+            back = 0 if reader.stream.time_base is None else round(seconds / reader.stream.time_base)
+            container.seek(wanted - back, stream=reader.stream)
+            pictures = reader.pictures()
             for picture in pictures:
                 if picture.pts == wanted:
+                    reader.shown = first + 1
                     return itertools.chain([picture], pictures)
                 if picture.pts is None or picture.pts > wanted:
                     return None
@@ -197,100 +218,42 @@ class VideoFile:
             pass
         return None
 
-    def _decoded(self, container: InputContainer, sought: bool = False) -> Iterator[av.VideoFrame]:
-        stream = video_stream_of(self.path, container)
-        if stream.codec_context.name in DECODED_SIDE_BY_SIDE:
-            stream.thread_type = "FRAME"
-        decode_strictly(stream.codec_context)
-        k = 0
-        try:
-            for picture in container.decode(stream):
-                if sought and self.stamps is not None and picture.pts is not None:
-                    k = int(np.searchsorted(self.stamps, picture.pts))
-                if picture.is_corrupt:
-                    raise InputError(f"{self.path} is damaged at frame {k}; {REMEDY}")
-                yield picture
-                k += 1
-        except FFmpegError as error:
-            raise InputError(f"{self.path} is damaged at frame {k}: {error.strerror}; {REMEDY}") from error
 
+def open_video_file(
+    path: VideoPath, damaged: Damaged = Damaged.REFUSE, stream: int | None = None
+) -> VideoFile:
+    """Return a video file, read from end to end; it is decoded only where its packets do not tell its frames.
 
-def open_video_file(path: VideoPath) -> VideoFile:
-    """Return a video file, read from end to end but not decoded.
+    Parameters
+    ----------
+    path : Path or RemoteFile
+        The file, here or at a URL.
+    damaged : Damaged
+        What becomes of damage; to find it beforehand, the film is decoded.
+    stream : int, optional
+        Which of the file's streams is the film, as FFmpeg counts them.
 
     Raises
     ------
     InputError
-        If it is no video, ends before its time, or its pixels or its field of view cannot be.
+        If it is no video, is damaged, ends before its time, or its pixels or its field of view cannot be.
     """
     with FilmBytes(path) as content:
         if content.size == 0:
             raise InputError(f"{path} is empty; {SUPPORTED}")
         with opened_container(path, content) as container:
-            stream = video_stream_of(path, container)
-            aspect = pixel_aspect_of(path, stream)
-            timeline, stamps = timeline_of(path, container, stream)
-            field_of_view = _field_of_view(path, container)
-        return VideoFile(path, timeline, content.sha256(), aspect, field_of_view, stamps)
-
-
-def _field_of_view(path: VideoPath, container: InputContainer) -> float | None:
-    tag = container.metadata.get(FIELD_OF_VIEW)
-    if tag is None:
-        return None
-    try:
-        degrees = float(tag)
-    except ValueError:
-        degrees = math.nan
-    if not NARROWEST <= degrees <= WIDEST:
-        raise InputError(
-            f"{path}: its tag {FIELD_OF_VIEW} is {tag[:40]!r}; expected {NARROWEST:g} to {WIDEST:g} degrees"
-        )
-    return degrees
-
-
-@contextmanager
-def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Iterator[InputContainer]:
-    """Yield an open container of a video, which is closed at the end; read from `content` if that is open."""
-    with ExitStack() as stack:
-        if content is None and isinstance(path, RemoteFile):
-            content = stack.enter_context(FilmBytes(path))
-        container = stack.enter_context(_container(path, content))
-        names = container.format.name.split(",")
-        # `tty` draws text files as terminal screens.
-        if "tty" in names or not any(_is_moving(s) for s in container.streams.video):
-            raise InputError(f"{path} holds no video; {SUPPORTED}")
-        if "image2" in names or container.format.name.endswith("_pipe"):
-            raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
-        yield container
-
-
-def _container(path: VideoPath, content: FilmBytes | None) -> InputContainer:
-    """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
-    try:
-        if content is None:
-            return av.open(f"file:{path}")
-        return av.open(content, "r", options=ALONE if isinstance(path, RemoteFile) else {})
-    except (FFmpegError, UnicodeError) as error:
-        raise InputError(
-            f"FFmpeg finds no video in {path} (not a video, or damaged, or cut off); {SUPPORTED}"
-        ) from error
-
-
-def _is_moving(stream: VideoStream) -> bool:
-    """Whether a video stream is one, and not the cover picture of a sound file."""
-    return not stream.disposition & Disposition.attached_pic
-
-
-def video_stream_of(path: VideoPath, container: InputContainer) -> VideoStream:
-    """Return the first video stream, with a decoder for it."""
-    stream = next(s for s in container.streams.video if _is_moving(s))
-    if stream.codec_context is None:
-        raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
-    return stream
-
-
-def decode_strictly(decoder: CodecContext) -> None:
-    """Make a decoder that is not yet open stop at the first error, checksums included."""
-    if decoder.name not in STRICT_ALREADY:
-        decoder.options = STRICT
+            reader = FilmReader(path, container, damaged, stream)
+            chosen, timing = reader.stream, times_of_packets(reader)
+            aspect, field_of_view = pixel_aspect_of(path, chosen), field_of_view_tag(path, container)
+            notes = [] if aspect == SQUARE else [f"pixels of {in_words(aspect)}; resampled to square ones"]
+            if len(container.streams.video) > 1:
+                notes.append(
+                    f"the file holds the videos {streams_in_words(container)}; {chosen.index} is taken "
+                    "(`stream`)"
+                )
+        if timing is None:
+            content.seek(0)
+            with opened_container(path, content) as container:
+                timing = times_of_pictures(FilmReader(path, container, damaged, stream))
+        notes.extend(timing.reading.notes)
+        return VideoFile(path, timing, content.sha256(), aspect, field_of_view, tuple(notes))

@@ -5,6 +5,7 @@ Times are uniform where the stream is uniform, else as its file says.
 
 from __future__ import annotations
 
+import bisect
 import contextlib
 import itertools
 import math
@@ -17,6 +18,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.tracks.film_reading import FilmReading
 
 COMMON_RATES = (
     *(Fraction(n) for n in (10, 12, 15, 24, 25, 30, 48, 50, 60, 72, 90, 100, 120, 144, 240)),
@@ -52,6 +54,17 @@ class VideoSource(Protocol):
 def field_of_view_of(video: VideoSource) -> float | None:
     """Return the horizontal angle that a video was rendered for [deg], None if that is not known."""
     known: float | None = getattr(video, "field_of_view", None)
+    return known
+
+
+def notes_on(video: VideoSource) -> tuple[str, ...]:
+    """Return what of a video is chosen, or not taken as it is in its file, in lines."""
+    return tuple(getattr(video, "notes", ()))
+
+
+def film_reading(video: VideoSource) -> FilmReading | None:
+    """Return how the file of a video is read, None of what is no such file."""
+    known: FilmReading | None = getattr(video, "reading", None)
     return known
 
 
@@ -158,6 +171,25 @@ def frame_times(
     final = float(last) if last > 0 else float(np.median(steps[steps > 0]))
     seconds = np.float64(tick)
     return FrameTimes(ticks * seconds, np.append(steps, final) * seconds)
+
+
+def rising(stamps: Sequence[int]) -> NDArray[np.bool_]:
+    """Return which of the stamps rise: as many as can, of equal ones the last.
+
+    >>> rising([0, 1, 5, 2, 3, 3]).tolist()
+    [True, True, False, True, False, True]
+    """
+    ends: list[int] = []  # of the rising rows of 1, 2, ... stamps, the lowest last stamp
+    places: list[int] = []  # of these, in `stamps`
+    before = np.full(len(stamps), -1)
+    for k, stamp in enumerate(stamps):
+        n = bisect.bisect_left(ends, stamp)
+        before[k] = places[n - 1] if n else -1
+        ends[n:], places[n:] = [stamp, *ends[n + 1 :]], [k, *places[n + 1 :]]
+    found, k = np.zeros(len(stamps), dtype=bool), places[-1] if places else -1
+    while k >= 0:
+        found[k], k = True, int(before[k])
+    return found
 
 
 def rate_from_number(frames_per_second: float) -> Fraction:

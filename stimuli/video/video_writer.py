@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.storage.whole_files import results_folder
-from evenlight.stimuli.video.video_file import FIELD_OF_VIEW
+from evenlight.stimuli.video.film_stream import FIELD_OF_VIEW
 from evenlight.stimuli.video.video_source import rate_from_number
 
 if TYPE_CHECKING:

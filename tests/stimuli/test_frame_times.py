@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.stimuli.sequences import built_in_sequence, open_video, open_videos
-from evenlight.stimuli.video import video_file
+from evenlight.stimuli.video.film_reader import FilmReader
 from evenlight.stimuli.video.frame_buffer import FrameBuffer
 from evenlight.stimuli.video.frame_conversion import area_weights, coarser
 from evenlight.stimuli.video.image_folder import open_image_folder
@@ -183,14 +183,14 @@ def test_what_lies_before_the_last_key_frame_is_not_decoded(
 ) -> None:
     name, codec, options = ENCODERS["closed"]
     video, decoded = written(tmp_path / name, codec, options), []
-    decode = VideoFile._decoded
+    pictures = FilmReader.pictures
 
-    def counted(*arguments: object, **options: object):
-        for picture in decode(*arguments, **options):
+    def counted(reader: FilmReader):
+        for picture in pictures(reader):
             decoded.append(picture.pts)
             yield picture
 
-    monkeypatch.setattr(video_file.VideoFile, "_decoded", counted)
+    monkeypatch.setattr(FilmReader, "pictures", counted)
     next(video.frames_at([30]))
     assert len(decoded) == 30 - 24 + 1
 

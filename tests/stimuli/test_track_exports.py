@@ -13,18 +13,22 @@ import pytest
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import STEP, ExportedTrack
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.stimuli.dimmed import track_export
 from evenlight.stimuli.dimmed.dimming import pixel_scale
 from evenlight.stimuli.dimmed.track_export import ffmpeg_script, stretches_of, write_export
+from evenlight.stimuli.video.video_file import open_video_file
 
 GAMMA = 2.2
 READERS = Path(__file__).parents[2] / "examples" / "readers"
 
 
-def exported(times: np.ndarray, factors: np.ndarray, video: str = "made") -> ExportedTrack:
+def exported(
+    times: np.ndarray, factors: np.ndarray, video: str = "made", film: FilmReading | None = None
+) -> ExportedTrack:
     return ExportedTrack(
         video, None, "ours", "lab", 100.0, GAMMA, 0.5, STEP,
-        tuple(times.tolist()), tuple(factors.tolist()), Provenance(),
+        tuple(times.tolist()), tuple(factors.tolist()), Provenance(), film,
     )  # fmt: skip
 
 
@@ -139,7 +143,9 @@ def test_ffmpeg_dims_each_frame_by_its_own_factor(
     monkeypatch.setattr(track_export, "COMMANDS_AT_ONCE", 25)
     factors = 0.3 + 0.6 * (np.arange(60) * 7 % 60) / 59  # a neighbour's would be 8 code values off, or more
     source = clip(tmp_path / "made.mkv", times, late)
-    script = ffmpeg_script(exported(times / 1000, factors))
+    film = open_video_file(source)
+    np.testing.assert_allclose(film.timeline.times, times / 1000, atol=5e-4)
+    script = ffmpeg_script(exported(film.timeline.times, factors, film=film.reading))
     out = by_ffmpeg(source, script, "-pix_fmt", "yuv420p16le", *KEEP_TIMES)
     (shown, before), (dimmed_at, after) = planes(source), planes(out)
     assert dimmed_at == shown

@@ -1,0 +1,134 @@
+"""The container of a film and the stream of its pictures, with what their headers say."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from typing import TYPE_CHECKING
+
+import av
+from av.error import FFmpegError
+from av.stream import Disposition
+
+from evenlight.data_schema.errors import InputError
+from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
+from evenlight.stimuli.video.film_bytes import FilmBytes
+from evenlight.stimuli.video.video_locations import RemoteFile, VideoPath
+
+if TYPE_CHECKING:
+    from av.container import InputContainer
+    from av.video.stream import VideoStream
+
+SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
+ALONE = {"protocol_whitelist": "none"}  # a file from elsewhere opens no other, as playlists do
+FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
+COVER = Disposition.attached_pic | Disposition.still_image | Disposition.timed_thumbnails
+PICTURES = ("mjpeg", "png", "bmp", "gif", "webp", "tiff")  # codecs of covers that nobody has flagged
+
+
+@contextmanager
+def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Iterator[InputContainer]:
+    """Yield an open container of a video, which is closed at the end; read from `content` if that is open."""
+    with ExitStack() as stack:
+        if content is None and isinstance(path, RemoteFile):
+            content = stack.enter_context(FilmBytes(path))
+        container = stack.enter_context(_container(path, content))
+        names = container.format.name.split(",")
+        # `tty` draws text files as terminal screens.
+        if "tty" in names or all(s.disposition & Disposition.attached_pic for s in container.streams.video):
+            raise InputError(f"{path} holds no video; {SUPPORTED}")
+        if "image2" in names or container.format.name.endswith("_pipe"):
+            raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
+        yield container
+
+
+def _container(path: VideoPath, content: FilmBytes | None) -> InputContainer:
+    """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
+    try:
+        if content is None:
+            return av.open(f"file:{path}")
+        return av.open(content, "r", options=ALONE if isinstance(path, RemoteFile) else {})
+    except (FFmpegError, UnicodeError) as error:
+        raise InputError(
+            f"FFmpeg finds no video in {path} (not a video, or damaged, or cut off); {SUPPORTED}"
+        ) from error
+
+
+def film_stream(path: VideoPath, container: InputContainer, wanted: int | None = None) -> VideoStream:
+    """Return the stream of the film, with a decoder for it.
+
+    That is the one wanted; else of those that move those that are flagged as default, of these the largest,
+    and the first of these. A cover or a still is the film only where there is nothing else.
+
+    Raises
+    ------
+    InputError
+        If there is no such stream, or no decoder for it.
+    """
+    streams = container.streams.video
+    if wanted is None:
+        chosen = max(streams, key=lambda s: (_moves(s), bool(s.disposition & Disposition.default), _size(s)))
+    else:
+        found = [stream for stream in streams if stream.index == wanted]
+        if not found:
+            raise InputError(f"`stream` {wanted}: {path} has the videos {streams_in_words(container)}")
+        chosen = found[0]
+    if chosen.codec_context is None:
+        raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
+    return chosen
+
+
+def _moves(stream: VideoStream) -> bool:
+    alone = stream.frames == 1 or (stream.codec_context and stream.codec_context.name in PICTURES)
+    return not stream.disposition & COVER and not (alone and (stream.frames == 1 or not stream.average_rate))
+
+
+def _size(stream: VideoStream) -> int:
+    return stream.codec_context.width * stream.codec_context.height if stream.codec_context else 0
+
+
+def streams_in_words(container: InputContainer) -> str:
+    """Return the streams of pictures, each with its number."""
+    return ", ".join(
+        f"{s.index} ({'no decoder' if s.codec_context is None else s.codec_context.name}, "
+        f"{0 if s.codec_context is None else s.codec_context.width}x"
+        f"{0 if s.codec_context is None else s.codec_context.height})"
+        for s in container.streams.video
+    )
+
+
+def field_of_view_tag(path: VideoPath, container: InputContainer) -> float | None:
+    """Return the degrees that the width was rendered to span, by the file's tag; None if it has none.
+
+    Raises
+    ------
+    InputError
+        If the tag is no such angle.
+    """
+    tag = container.metadata.get(FIELD_OF_VIEW)
+    if tag is None:
+        return None
+    try:
+        degrees = float(tag)
+    except ValueError:
+        degrees = math.nan
+    if not NARROWEST <= degrees <= WIDEST:
+        raise InputError(
+            f"{path}: its tag {FIELD_OF_VIEW} is {tag[:40]!r}; expected {NARROWEST:g} to {WIDEST:g} degrees"
+        )
+    return degrees
+
+
+def promised_end(container: InputContainer, stream: VideoStream) -> float:
+    """Return when the header of the file says that the stream ends [s], 0 where it says nothing certain."""
+    if container.format.name == "avi" and stream.average_rate:
+        return float(stream.frames / stream.average_rate)
+    if "matroska" not in container.format.name:
+        return 0.0  # FFmpeg's own estimate from the size of the file is no promise
+    tag = re.fullmatch(r"([0-9]+):([0-9]+):([0-9.]+)", stream.metadata.get("DURATION", ""))
+    if tag is not None:
+        return 3600 * int(tag[1]) + 60 * int(tag[2]) + float(tag[3])
+    alone = len(container.streams) == 1
+    return float(container.duration / av.time_base) if alone and container.duration else 0.0
