@@ -16,8 +16,10 @@ from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.stimuli.video.frame_conversion import (
     LUMA_WEIGHTS,
     ColourConverter,
+    complete_tags,
     display_matrix,
     planes_of,
+    require_gamma_encoded,
 )
 from evenlight.stimuli.video.square_pixels import SQUARE
 
@@ -53,6 +55,7 @@ class PixelReader:
     ) -> None:
         self._convert = ColourConverter(pixel_aspect)
         self._one_at_a_time = threading.Lock()  # the converter keeps its tables
+        self._is_square = pixel_aspect == SQUARE
         self._amid = {} if amid is None else amid
 
     def pixels(self, frame: VideoFrame) -> Pixels:
@@ -60,9 +63,10 @@ class PixelReader:
 
         Nothing else may write to the frame any more.
         """
-        frame = self._convert.squared(frame)
-        if not (frame.format.name in _PLANAR and display_matrix(frame) is None):
+        if not (self._is_square and frame.format.name in _PLANAR and display_matrix(frame) is None):
             return self._rgb(frame)
+        require_gamma_encoded(frame)
+        complete_tags(frame)
         kind = (
             frame.format.name, frame.width, frame.height,
             frame.colorspace, frame.color_range, frame.interlaced_frame,
@@ -73,9 +77,9 @@ class PixelReader:
         return self._rgb(frame) if amid is None else self._planes(frame, amid)
 
     def _rgb(self, frame: VideoFrame) -> NDArray[Any]:
-        """Convert a frame of square pixels; any thread may ask for it."""
+        """Convert a frame; any thread may ask for it."""
         with self._one_at_a_time:
-            return self._convert.rgb(frame, is_squared=True)
+            return self._convert.rgb(frame)
 
     def _planes(self, frame: VideoFrame, amid: tuple[bool, bool]) -> LumaChroma:
         luma, blue, red = planes_of(frame)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from typing import TYPE_CHECKING
 
@@ -25,7 +25,6 @@ SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
 ALONE = {"protocol_whitelist": "none"}  # a file from elsewhere opens no other, as playlists do
 FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 COVER = Disposition.attached_pic | Disposition.still_image | Disposition.timed_thumbnails
-PICTURES = ("mjpeg", "png", "bmp", "gif", "webp", "tiff")  # codecs of covers that nobody has flagged
 
 
 @contextmanager
@@ -40,7 +39,10 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
         if "tty" in names or all(s.disposition & Disposition.attached_pic for s in container.streams.video):
             raise InputError(f"{path} holds no video; {SUPPORTED}")
         if "image2" in names or container.format.name.endswith("_pipe"):
-            raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
+            raise InputError(
+                f"{path} is one image, not a video (or an animated WebP, of which FFmpeg reads one image: write "
+                "it as Matroska); for images give the folder that holds them"
+            )
         yield container
 
 
@@ -60,43 +62,51 @@ def film_stream(path: VideoPath, container: InputContainer, wanted: int | None =
     """Return the stream of the film, with a decoder for it.
 
     That is the one wanted; else of those that move those that are flagged as default, of these the largest,
-    and the first of these. A cover or a still is the film only where there is nothing else.
+    and the first of these. A cover or a still is the film only where there is nothing else. Only where there
+    is a choice, packets are read to tell what moves.
 
     Raises
     ------
     InputError
         If there is no such stream, or no decoder for it.
     """
-    streams = container.streams.video
-    if wanted is None:
-        chosen = max(streams, key=lambda s: (_moves(s), bool(s.disposition & Disposition.default), _size(s)))
-    else:
-        found = [stream for stream in streams if stream.index == wanted]
-        if not found:
-            raise InputError(f"`stream` {wanted}: {path} has the videos {streams_in_words(container)}")
-        chosen = found[0]
+    streams = [s for s in container.streams.video if wanted in (None, s.index)]
+    if not streams:
+        raise InputError(f"`stream` {wanted}: {path} has the videos {streams_in_words(container)}")
+    films = [s for s in streams if not s.disposition & COVER] or streams
+    if len(films) > 1:
+        moving = _moving(path, [s.index for s in films])
+        films = [s for s in films if s.index in moving] or films
+    chosen = max(films, key=lambda s: (bool(s.disposition & Disposition.default), math.prod(_size(s))))
     if chosen.codec_context is None:
         raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
     return chosen
 
 
-def _moves(stream: VideoStream) -> bool:
-    alone = stream.frames == 1 or (stream.codec_context and stream.codec_context.name in PICTURES)
-    return not stream.disposition & COVER and not (alone and (stream.frames == 1 or not stream.average_rate))
+def _moving(path: VideoPath, streams: Sequence[int]) -> list[int]:
+    """Return which streams have more than one packet: not all containers say how many there are."""
+    counts = dict.fromkeys(streams, 0)
+    with opened_container(path) as container:
+        for packet in container.demux(*container.streams.video):
+            if packet.stream_index in counts:
+                counts[packet.stream_index] += packet.size > 0
+            if min(counts.values()) > 1:
+                break
+    return [stream for stream, count in counts.items() if count > 1]
 
 
-def _size(stream: VideoStream) -> int:
-    return stream.codec_context.width * stream.codec_context.height if stream.codec_context else 0
+def _size(stream: VideoStream) -> tuple[int, int]:
+    codec = stream.codec_context
+    return (codec.width, codec.height) if codec else (0, 0)
 
 
 def streams_in_words(container: InputContainer) -> str:
     """Return the streams of pictures, each with its number."""
-    return ", ".join(
-        f"{s.index} ({'no decoder' if s.codec_context is None else s.codec_context.name}, "
-        f"{0 if s.codec_context is None else s.codec_context.width}x"
-        f"{0 if s.codec_context is None else s.codec_context.height})"
-        for s in container.streams.video
-    )
+    words = []
+    for stream in container.streams.video:
+        codec, (width, height) = stream.codec_context, _size(stream)
+        words.append(f"{stream.index} ({codec.name if codec else 'no decoder'}, {width}x{height})")
+    return ", ".join(words)
 
 
 def field_of_view_tag(path: VideoPath, container: InputContainer) -> float | None:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from fractions import Fraction
+from typing import Any
 
 import av
 import numpy as np
@@ -21,29 +20,14 @@ from evenlight.stimuli.video.video_source import (
     uniform_times,
 )
 
-Stamps = NDArray[np.int64]
+RISE = "encode it again with times that rise, as FFmpeg does with `-vf setpts=N/25/TB` for 25 frames a second"
+LONGEST_FALL = 1.0  # [s]: stamps that fall back farther begin anew, and tell no times
+MOST_LEFT_OUT = 0.1  # of the pictures
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class FilmTimes:
-    """When the pictures of a film appear, and how it is read.
-
-    Attributes
-    ----------
-    timeline : FrameTimes
-        Of all pictures, in the order of their presentation; those that are never seen last 0 s.
-    reading : FilmReading
-        How it is read.
-    stamps : array of int, (frames,), or None
-        Time stamps of the pictures, rising [ticks]; None where they do not tell them apart.
-    held : array of bool, (frames,)
-        In whose places the picture before is shown.
-    """
-
-    timeline: FrameTimes
-    reading: FilmReading
-    stamps: Stamps | None
-    held: NDArray[np.bool_]
+# When all pictures appear, with 0 s for those that are never seen; how the film is read; their stamps, rising
+# [ticks], None where they do not tell them apart; in whose places the picture before is shown.
+FilmTimes = tuple[FrameTimes, FilmReading, NDArray[np.int64] | None, NDArray[np.bool_] | None]
 
 
 def times_of_packets(reader: FilmReader) -> FilmTimes | None:
@@ -52,7 +36,7 @@ def times_of_packets(reader: FilmReader) -> FilmTimes | None:
     Raises
     ------
     InputError
-        If the film is damaged, or ends before its time, and that is refused.
+        If the film is damaged, or ends before its time.
     """
     if reader.damaged is not Damaged.REFUSE:
         return None
@@ -61,8 +45,7 @@ def times_of_packets(reader: FilmReader) -> FilmTimes | None:
     _require_whole(reader)
     if not reader.tells_frames:
         return None
-    stamps = np.sort([stamp for stamp in reader.stamps if stamp is not None])
-    return _film_times(reader, stamps, np.zeros(len(stamps), dtype=bool), reader.last_duration)
+    return _film_times(reader, sorted(s for s in reader.stamps if s is not None), reader.last_duration)
 
 
 def times_of_pictures(reader: FilmReader) -> FilmTimes:
@@ -71,38 +54,24 @@ def times_of_pictures(reader: FilmReader) -> FilmTimes:
     Raises
     ------
     InputError
-        If the film is damaged, or ends before its time, and that is refused.
+        If the film is damaged, or ends before its time, and that is refused; if its stamps tell no times.
     """
     found: list[int | None] = []
     last = 0
     for picture in reader.pictures():
         found.append(picture.dts if picture.pts is None else picture.pts)
         last = picture.duration or 0
-    n = len(found)
     if reader.damaged is Damaged.REFUSE:
         _require_whole(reader)
-        if not reader.begins_with_key and n < reader.count:
-            raise InputError(
-                f"{reader.path} begins within a group of pictures: {reader.count - n} frames "
-                f"need those before; {GO_ON}"
-            )
-        if reader.is_one_to_one and not reader.has_fields and n < reader.count - reader.leading:
-            raise InputError(
-                f"{reader.path} is damaged: {n} of {reader.count} frames can be decoded; {GO_ON}"
-            )
-    if not n:
+        _require_all(reader, found)
+    if not found:
         raise InputError(f"{reader.path} holds no frames: it is cut off or damaged; {REMEDY}")
-    if None in found:
-        return _film_times(reader, None, np.zeros(n, dtype=bool), last)
-    # What an AVI has are the times of decoding; the decoder gives pictures in the order they are shown.
     given = [stamp for stamp in found if stamp is not None]
-    stamps = np.array(sorted(given) if reader.container.format.name == "avi" else given, dtype=np.int64)
-    held = np.zeros(n, dtype=bool)
-    if reader.damaged is Damaged.HOLD:
-        lost = sorted({s for s in reader.lost if s is not None and s > given[0]} - set(given))
-        places = np.searchsorted(stamps, lost)
-        held, stamps = np.insert(held, places, True), np.insert(stamps, places, lost)
-    return _film_times(reader, stamps, held, last)
+    if len(given) < len(found):
+        timeline = uniform_times(len(found), (*reader.rates, ASSUMED_RATE)[0])
+        return timeline, _reading(reader, frames_skipped=len(reader.lost)), None, None
+    # What an AVI has are the times of decoding; the decoder gives pictures in the order they are shown.
+    return _film_times(reader, sorted(given) if reader.container.format.name == "avi" else given, last)
 
 
 def _require_whole(reader: FilmReader) -> None:
@@ -115,36 +84,78 @@ def _require_whole(reader: FilmReader) -> None:
         raise InputError(f"{reader.path} holds no frames: it is cut off or damaged; {REMEDY}")
 
 
-def _film_times(reader: FilmReader, stamps: Stamps | None, held: NDArray[np.bool_], last: int) -> FilmTimes:
-    stream, container = reader.stream, reader.container
-    rates = [rate for rate in (stream.average_rate, stream.guessed_rate) if rate]
-    tick = stream.time_base or 1 / ASSUMED_RATE
-    seconds = container.duration / av.time_base if container.duration else None
-    reading = FilmReading(
-        reader.wanted,
-        file_duration=seconds,
+def _require_all(reader: FilmReader, found: list[int | None]) -> None:
+    """Refuse a film that lacks pictures; those that lead the first key frame are left out, as players do."""
+    n = len(found)
+    if n >= reader.count or not reader.is_one_to_one:
+        return
+    if not reader.begins_with_key:
+        raise InputError(
+            f"{reader.path} begins within a group of pictures: {reader.count - n} frames need those before; "
+            f"{GO_ON}"
+        )
+    if None in found or reader.lacking(found):
+        raise InputError(f"{reader.path} is damaged: {n} of {reader.count} frames can be decoded; {GO_ON}")
+
+
+def _reading(reader: FilmReader, **found: Any) -> FilmReading:
+    container = reader.container
+    return FilmReading(
+        reader.stream.index if len(container.streams.video) > 1 else reader.wanted,
+        file_duration=container.duration / av.time_base if container.duration else None,
         damaged=reader.damaged,
-        frames_held=int(held.sum()),
-        frames_skipped=len(reader.lost) - int(held.sum()),
+        **found,
     )
-    if stamps is None:
-        timeline = uniform_times(len(held), rates[0] if rates else ASSUMED_RATE)
-        return FilmTimes(timeline, reading, None, held)
+
+
+def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:
+    """Return the times of pictures that the decoder gives with some stamps."""
+    stamps, tick, held = np.array(given, dtype=np.int64), reader.tick, None
+    lost = [] if reader.damaged is Damaged.REFUSE else sorted(reader.lacking(given))
+    after = [stamp for stamp in lost if stamp > given[0]] if reader.damaged is Damaged.HOLD else []
+    if after:
+        places = np.searchsorted(stamps, after)
+        held = np.insert(np.zeros(len(given), dtype=bool), places, True)
+        stamps = np.insert(stamps, places, after)
     if len(stamps) > 1 and stamps.min() == stamps.max():
         raise InputError(f"{reader.path}: all its {len(stamps)} frames have the same time; {REMEDY}")
-    seen = rising(stamps.tolist())
-    timeline = _of_all(frame_times(stamps[seen], tick, last, rates), seen)
-    first = float(stamps[seen][0] * tick)
+    mended, seen = _mended(stamps, 0.75 * reader.step)
+    left = int((~seen).sum())
+    back = float((np.maximum.accumulate(stamps) - stamps).max() * tick) if left else 0.0
+    if back > LONGEST_FALL or (back and left > MOST_LEFT_OUT * len(stamps)):
+        raise InputError(
+            f"{reader.path}: its time stamps fall back by up to {back:.3f} s, and {left} of {len(stamps)} "
+            f"pictures have no time of their own; {RISE}"
+        )
+    timeline = _of_all(frame_times(mended[seen], tick, last, reader.rates), seen)
+    first = float(mended[seen][0] * tick)
     if reader.damaged is Damaged.REFUSE:
-        _require_end(reader, first + float(timeline.times[-1] + timeline.durations[-1]), timeline, tick)
-    back = float((np.maximum.accumulate(stamps) - stamps).max() * tick)
-    reading = replace(
-        reading,
-        picture_start=first - (container.start_time or 0) / av.time_base,
-        frames_out_of_order=int((~seen).sum()) if back else 0,
+        _require_end(reader, first + float(timeline.times[-1] + timeline.durations[-1]), timeline)
+    reading = _reading(
+        reader,
+        picture_start=first - (reader.container.start_time or 0) / av.time_base,
+        frames_held=len(after),
+        frames_skipped=len(lost) - len(after),
+        frames_out_of_order=left if back else 0,
         fall_back=back,
     )
-    return FilmTimes(timeline, reading, stamps if seen.all() else None, held)
+    # H.264 in AVI is given its times of decoding in the order of presentation.
+    apart = bool((np.diff(stamps) > 0).all()) and not (
+        reader.container.format.name == "avi" and reader.decoder.name in ("h264", "hevc")
+    )
+    return timeline, reading, stamps if apart else None, held
+
+
+def _mended(stamps: NDArray[np.int64], least: float) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Return the stamps of pictures, and which are seen: as many as rise, and others that fit between these.
+
+    A decoder that guesses a stamp which the file lacks may guess a wrong one; there is room for its picture.
+    """
+    seen = rising(stamps.tolist())
+    places = np.arange(len(stamps))
+    between = np.rint(np.interp(places, places[seen], stamps[seen])).astype(np.int64)
+    room = np.diff(between) >= least
+    return between, seen | (np.append(False, room) & np.append(room, False))
 
 
 def _of_all(shown: FrameTimes, seen: NDArray[np.bool_]) -> FrameTimes:
@@ -155,9 +166,9 @@ def _of_all(shown: FrameTimes, seen: NDArray[np.bool_]) -> FrameTimes:
     return FrameTimes(shown.times[following], np.where(seen, shown.durations[following], 0.0))
 
 
-def _require_end(reader: FilmReader, end: float, timeline: FrameTimes, tick: Fraction) -> None:
+def _require_end(reader: FilmReader, end: float, timeline: FrameTimes) -> None:
     promised = promised_end(reader.container, reader.stream)
-    if promised - end > 0.75 * float(np.median(timeline.durations)) + float(tick):
+    if promised - end > 0.75 * float(np.median(timeline.durations)) + float(reader.tick):
         raise InputError(
             f"{reader.path} is cut off: it ends at {end:.3f} s instead of {promised:.3f} s; {GO_ON}"
         )

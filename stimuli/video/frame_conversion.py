@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from evenlight.data_schema.frame import Frame
-from evenlight.stimuli.video.square_pixels import SQUARE, SquarePixels
+from evenlight.stimuli.video.square_pixels import SQUARE, with_square_pixels
 
 if TYPE_CHECKING:
     from av.sidedata.sidedata import SideData
@@ -55,23 +55,16 @@ class ColourConverter:
     """
 
     def __init__(self, pixel_aspect: Fraction = SQUARE) -> None:
-        self._squares, self._reformatter = SquarePixels(pixel_aspect), VideoReformatter()
+        self._aspect = pixel_aspect
+        self._reformatter, self._resampler = VideoReformatter(), VideoReformatter()
 
-    def squared(self, frame: VideoFrame) -> VideoFrame:
-        """Return a frame in square pixels with complete colour tags; R, G, B as they are (`SquarePixels`)."""
-        require_gamma_encoded(frame)
-        complete_tags(frame)
-        return self._squares.of_frame(frame)
-
-    def rgb(self, frame: VideoFrame, *, is_squared: bool = False) -> NDArray[Any]:
+    def rgb(self, frame: VideoFrame) -> NDArray[Any]:
         """Return gamma-encoded R, G, B over the full range of the integer type, upright, without alpha.
 
         Parameters
         ----------
         frame : VideoFrame
             A decoded frame; its colour tags are completed where it has none.
-        is_squared : bool
-            Whether it is one of `squared`.
 
         Returns
         -------
@@ -83,15 +76,20 @@ class ColourConverter:
         UnsupportedColourError
             If the pixels are not gamma-encoded, or of a format or colour matrix that is not understood.
         """
-        depth = _depth(frame.format)
-        frame = frame if is_squared else self.squared(frame)
+        depth, (height, width) = _depth(frame.format), (frame.height, frame.width)
+        require_gamma_encoded(frame)
+        complete_tags(frame)
+        frame = _with_whole_chroma(frame)
         if frame.format.name.startswith(("gray", "ya")):
             pixels = _gray(frame, depth)
-        elif depth <= 8:
-            pixels = self._shallow(frame)
-        else:
+        elif depth > 8 or frame.format.name.startswith("yuva"):
             pixels = self._deep(frame, depth)
-        return upright(self._squares.of_rgb(pixels, frame), frame)
+        else:
+            pixels = self._shallow(frame)
+        pixels = pixels[:height, :width]
+        if self._aspect != SQUARE:
+            pixels = with_square_pixels(pixels, self._aspect, self._resampler)
+        return upright(pixels, frame)
 
     def _shallow(self, frame: VideoFrame) -> NDArray[Any]:
         packed = "rgb24" if frame.format.is_rgb else "gbrp"  # to planes is 3 times as fast, and as exact
@@ -99,11 +97,13 @@ class ColourConverter:
         pixels: NDArray[Any] = self._reformat(frame, target).to_ndarray()
         return _over_black(pixels) if target == "rgba" else pixels
 
-    def _deep(self, frame: VideoFrame, depth: int) -> NDArray[np.uint16]:
-        """Convert more than 8 bits: FFmpeg unpacks and upsamples chroma, the matrix is applied here.
+    def _deep(self, frame: VideoFrame, depth: int) -> NDArray[Any]:
+        """Convert more than 8 bits, or Y, Cb, Cr and alpha, which are rounded once.
 
-        FFmpeg's own conversion to 16 bits maps white to 65283 instead of 65535.
+        FFmpeg unpacks and upsamples chroma, the matrix is applied here: FFmpeg's own conversion to 16 bits
+        maps white to 65283 instead of 65535.
         """
+        levels, depth = (np.uint8, 16) if depth <= 8 else (np.uint16, depth)
         alpha = "a" if _has_alpha(frame.format) else ""
         kind = f"gbr{alpha}p" if frame.format.is_rgb else f"yuv{alpha}444p"
         try:
@@ -116,11 +116,14 @@ class ColourConverter:
         if frame.format.is_rgb:
             pixels = np.stack([planes[2], planes[0], planes[1]], axis=-1) / np.float32(top)
         else:
-            pixels = _from_luma_and_chroma(planes, depth, frame)
+            pixels = np.clip(_from_luma_and_chroma(planes, depth, frame), 0, 1)
+        if (
+            alpha and not frame.format.is_rgb
+        ):  # as it is in the frame: more bits of it would be scaled otherwise
+            planes, top = planes_of(frame), 2 ** _depth(frame.format) - 1
         if alpha:
             pixels *= (planes[3] / np.float32(top))[..., np.newaxis]
-        levels: NDArray[np.uint16] = np.rint(np.clip(pixels, 0, 1) * np.float32(65535)).astype(np.uint16)
-        return levels
+        return np.asarray(np.rint(pixels * np.float32(np.iinfo(levels).max)).astype(levels))
 
     def _reformat(self, frame: VideoFrame, target: str) -> VideoFrame:
         wanted = ColorRange(frame.color_range) if target.startswith("yuv") else ColorRange.JPEG
@@ -131,6 +134,24 @@ class ColourConverter:
             src_color_range=frame.color_range,
             dst_color_range=wanted,
         )
+
+
+def _with_whole_chroma(frame: VideoFrame) -> VideoFrame:
+    """Return a frame whose last row and column are repeated where samples of chroma stand for more pixels.
+
+    FFmpeg's conversion would stretch the chroma over those that are there.
+    """
+    form = frame.format
+    across, down = (8 // form.chroma_width(8), 8 // form.chroma_height(8))
+    width, height = frame.width + -frame.width % across, frame.height + -frame.height % down
+    if (width, height) == (frame.width, frame.height) or not form.name.startswith("yuv"):
+        return frame
+    larger = VideoReformatter().reformat(frame, width=width, height=height)  # with all tags of the frame
+    larger.make_writable()
+    for new, old in zip(planes_of(larger), planes_of(frame), strict=True):
+        rows, columns = (many - few for many, few in zip(new.shape, old.shape, strict=True))
+        new[:] = np.pad(old, ((0, rows), (0, columns)), mode="edge")
+    return larger
 
 
 def display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:

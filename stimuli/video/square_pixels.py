@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 SQUARE = Fraction(1)
 NEARLY = Fraction(1, 100)  # below it is the rounding of a picture's size to whole pixels (1216:1215)
 LONGEST = 4  # half of a 16:9 picture's width in PAL is 128:45, the longest pixel of any format in use
-CUBIC = Interpolation.BICUBIC | Interpolation.BITEXACT  # a third of the time of ACCURATE_RND, and as exact
+CUBIC = Interpolation.BICUBIC | Interpolation.ACCURATE_RND
 
 
 def pixel_aspect_of(path: VideoPath, stream: VideoStream) -> Fraction:
@@ -67,37 +67,28 @@ def square_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
     return (round(width * aspect), height) if aspect > 1 else (width, round(height / aspect))
 
 
-class SquarePixels:
-    """Scales frames to square pixels by cubics, in the format that they have; keeps FFmpeg's tables.
+def with_square_pixels(pixels: NDArray[Any], aspect: Fraction, reformatter: VideoReformatter) -> NDArray[Any]:
+    """Return R, G, B of a picture in square pixels, interpolated by cubics.
 
-    R, G, B and palettes, which FFmpeg would scale by way of Y, Cb, Cr, go through as they are: `of_rgb` is
-    for these. Colour tags must be complete: what is customary without them depends on the size.
+    Parameters
+    ----------
+    pixels : array of uint8 or uint16, (height, width, 3)
+        Of the picture, one value for each of its pixels.
+    aspect : Fraction
+        Width of these pixels over their height.
+    reformatter : VideoReformatter
+        Keeps FFmpeg's tables from picture to picture.
     """
-
-    def __init__(self, aspect: Fraction) -> None:
-        self._aspect, self._reformatter = aspect, VideoReformatter()
-
-    def of_frame(self, frame: VideoFrame) -> VideoFrame:
-        """Return a frame in square pixels, itself if it has them or is R, G, B."""
-        if self._aspect == SQUARE or frame.format.is_rgb or frame.format.has_palette:
-            return frame
-        width, height = square_size(frame.width, frame.height, self._aspect)
-        return self._reformatter.reformat(
-            frame,
+    width, height = square_size(pixels.shape[1], pixels.shape[0], aspect)
+    # One channel at a time: FFmpeg takes R, G, B by way of Y, Cb, Cr, and white would no longer be white.
+    gray = "gray" if pixels.dtype == np.uint8 else "gray16le"
+    channels = [
+        reformatter.reformat(
+            VideoFrame.from_ndarray(np.ascontiguousarray(pixels[..., channel]), gray),
             width=width,
             height=height,
             interpolation=CUBIC,
-            src_color_range=frame.color_range,
-            dst_color_range=frame.color_range,
-        )
-
-    def of_rgb(self, pixels: NDArray[Any], frame: VideoFrame) -> NDArray[Any]:
-        """Return R, G, B of a frame in square pixels, (height, width, 3)."""
-        if self._aspect == SQUARE or not (frame.format.is_rgb or frame.format.has_palette):
-            return pixels
-        width, height = square_size(pixels.shape[1], pixels.shape[0], self._aspect)
-        # As if they were Y, Cb, Cr, of which each is scaled for itself.
-        kind = "yuv444p" if pixels.dtype == np.uint8 else "yuv444p16le"
-        planes = VideoFrame.from_ndarray(np.ascontiguousarray(pixels.transpose(2, 0, 1)), kind)
-        scaled = self._reformatter.reformat(planes, width=width, height=height, interpolation=CUBIC)
-        return np.ascontiguousarray(scaled.to_ndarray().transpose(1, 2, 0))
+        ).to_ndarray()
+        for channel in range(3)
+    ]
+    return np.stack(channels, axis=-1)

@@ -29,7 +29,7 @@ from evenlight.stimuli.video.film_stream import (
     opened_container,
     streams_in_words,
 )
-from evenlight.stimuli.video.film_times import FilmTimes, times_of_packets, times_of_pictures
+from evenlight.stimuli.video.film_times import RISE, times_of_packets, times_of_pictures
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.square_pixels import SQUARE, in_words, pixel_aspect_of
 from evenlight.stimuli.video.video_locations import VideoPath
@@ -49,23 +49,32 @@ class VideoFile:
     ----------
     path : Path or RemoteFile
         The file, here or at a URL.
-    timing : FilmTimes
-        When its frames appear, and how it is read.
+    timeline : FrameTimes
+        When its pictures appear; those with a duration of 0 are never seen.
     content : str
         SHA-256 of its bytes.
     pixel_aspect : Fraction
         Width of the file's pixels over their height; its frames come in square ones.
     field_of_view : float or None
         Angle that the width is to span for the viewer [deg]; None if the file does not say.
+    reading : FilmReading
+        How it is read.
+    stamps : array of int, (frames,), or None
+        Time stamps of its pictures, rising [ticks]; None where they do not tell them apart.
+    held : array of bool, (frames,), or None
+        In whose places the picture before is shown.
     notes : tuple of str
         What of it is not taken as it is in the file, or was chosen, in lines.
     """
 
     path: VideoPath
-    timing: FilmTimes
+    timeline: FrameTimes
     content: str
     pixel_aspect: Fraction = SQUARE
     field_of_view: float | None = None
+    reading: FilmReading = field(default_factory=FilmReading)
+    stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
+    held: NDArray[np.bool_] | None = field(default=None, compare=False, repr=False)
     notes: tuple[str, ...] = ()
     # Of pictures that were decoded: how their planes give their light (`PixelReader`).
     _planes: dict[object, tuple[bool, bool] | None] = field(
@@ -76,21 +85,6 @@ class VideoFile:
     def name(self) -> str:
         """Short name for titles."""
         return self.path.stem
-
-    @property
-    def timeline(self) -> FrameTimes:
-        """When its pictures appear; those with a duration of 0 are never seen."""
-        return self.timing.timeline
-
-    @property
-    def reading(self) -> FilmReading:
-        """How it is read."""
-        return self.timing.reading
-
-    @property
-    def stamps(self) -> NDArray[np.int64] | None:
-        """Time stamps of its pictures, rising [ticks], (frames,); None where they do not tell them apart."""
-        return self.timing.stamps
 
     @property
     def n_frames(self) -> int:
@@ -164,17 +158,19 @@ class VideoFile:
 
     def _placed(self, k: int, pictures: Iterator[av.VideoFrame]) -> Iterator[tuple[int, av.VideoFrame]]:
         """Yield pictures with their places from one on, each also in those that are held after it."""
-        held = self.timing.held
+        n = len(self.timeline.times)
         for picture in pictures:
-            if k == len(held):
-                raise InputError(f"{self.path} decodes to more than the {k} frames it announces; {REMEDY}")
+            if k == n:
+                raise InputError(f"{self.path} decodes to more than the {n} frames it announces; {REMEDY}")
+            if self.stamps is not None and picture.pts != self.stamps[k]:
+                raise InputError(f"{self.path}: its time stamps fall back before frame {k}; {RISE}")
             yield k, picture
             k += 1
-            while k < len(held) and held[k]:
+            while self.held is not None and k < n and self.held[k]:
                 yield k, picture
                 k += 1
-        if k < len(held):
-            raise InputError(f"{self.path} is damaged: {k} of {len(held)} frames can be decoded; {GO_ON}")
+        if k < n:
+            raise InputError(f"{self.path} is damaged: {k} of {n} frames can be decoded; {GO_ON}")
 
     @contextmanager
     def _decoded_from(self, first: int) -> Iterator[tuple[int, Iterator[av.VideoFrame]]]:
@@ -255,5 +251,8 @@ def open_video_file(
             content.seek(0)
             with opened_container(path, content) as container:
                 timing = times_of_pictures(FilmReader(path, container, damaged, stream))
-        notes.extend(timing.reading.notes)
-        return VideoFile(path, timing, content.sha256(), aspect, field_of_view, tuple(notes))
+        timeline, reading, stamps, held = timing
+        notes.extend(reading.notes)
+        return VideoFile(
+            path, timeline, content.sha256(), aspect, field_of_view, reading, stamps, held, tuple(notes)
+        )
