@@ -42,7 +42,7 @@ from evenlight.data_schema.tracks.optimization_summary import OptimizationSummar
 from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.preset_files import load_contrast_model
-from evenlight.stimuli.video.frames_in_memory import Frames, Named, video_of
+from evenlight.stimuli.video.frames_in_memory import Frames, Named
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
@@ -220,16 +220,12 @@ def optimize(video: Named | VideoSource | Frames | LossCurves, request: dict[str
         asked = _of_curves(asked, known)
     asked.check()
     display, posed = asked.posed(known)
-    source = AnalysedVideo(known) if known is not None else _video_of(video, asked)
+    source = AnalysedVideo(known) if known is not None else asked.source(video)
     job = asked.job(source, display, posed)
     effort = asked.effort(display, job.model, quiet=True)
     _, clips = optimize_video(replace(job, effort=effort, cached=False, player=False, quiet=True))
     first, *others = (Track(drawn.track, drawn.summary, curves) for curves, drawn in clips)
     return replace(first, others=tuple(others))
-
-
-def _video_of(video: object, asked: TrackRequest) -> VideoSource:
-    return video_of(video, asked.fps, damaged=asked.damaged, stream=asked.stream)  # type: ignore[arg-type] # no curves
 
 
 def _of_curves(asked: TrackRequest, known: LossCurves) -> TrackRequest:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -252,10 +252,14 @@ class TrackRequest(Analysed, WantedOfAll):
         require_possible(request, self.min_factor)
         return display, request
 
-    def job(self, source: VideoSource, display: Display, request: Request) -> OptimizationJob:
-        """Return the job for a video; `display` and `request` are what `posed` has returned."""
+    def source(self, video: Any, argument: str = "video") -> VideoSource:
+        """Return a video, read as is asked."""
         from evenlight.stimuli.video.frames_in_memory import video_of
 
+        return video_of(video, self.fps, argument, self.damaged, self.stream)
+
+    def job(self, source: VideoSource, display: Display, request: Request) -> OptimizationJob:
+        """Return the job for a video; `display` and `request` are what `posed` has returned."""
         model, name = self.model(self.robust_measures)
         return replace(
             super().job(source, display, request),
@@ -265,10 +269,7 @@ class TrackRequest(Analysed, WantedOfAll):
             seed=self.seed,
             calm=self.calm,
             robust=self.robust_measures,
-            others=tuple(
-                video_of(other, self.fps, "each of others", self.damaged, self.stream)
-                for other in self.others or ()
-            ),
+            others=tuple(self.source(other, "each of others") for other in self.others or ()),
             effort=AnalysisEffort(self.jobs, Device(self.device)),
             curves=path_of(self.curves),
             weights=path_of(self.weights),

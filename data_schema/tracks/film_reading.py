@@ -42,9 +42,8 @@ class FilmReading:
         default=Damaged.REFUSE,
     )
     frames_held: int = count("frames that show the picture before them, because of damage", default=0)
-    frames_skipped: int = count("pictures that are left out, because of damage", default=0)
-    frames_out_of_order: int = count(
-        "pictures that are left out because the time stamps after them fall back", default=0
+    frames_skipped: int = count(
+        "pictures that are left out, because of damage, or since time stamps after them fall back", default=0
     )
     fall_back: float = quantity(
         "s",
@@ -57,12 +56,7 @@ class FilmReading:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was not taken as it is in the file, in lines."""
-        said = []
-        if self.frames_held or self.frames_skipped:
-            said.append(f"damaged: {self.frames_held} frames held, {self.frames_skipped} skipped")
-        if self.frames_out_of_order:
-            said.append(
-                f"time stamps fall back by up to {self.fall_back:.3f} s: {self.frames_out_of_order} pictures "
-                "that lie beyond those which follow are left out"
-            )
-        return tuple(said)
+        if not self.frames_held + self.frames_skipped:
+            return ()
+        why = f": time stamps fall back by up to {self.fall_back:.3f} s" if self.fall_back else ", damaged"
+        return (f"{self.frames_held} frames held, {self.frames_skipped} skipped{why}",)

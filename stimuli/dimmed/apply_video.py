@@ -140,7 +140,8 @@ def _frame_stamps(video: VideoSource, times: Array, copied: CopiedStreams | None
         ticks = np.asarray(video.stamps) - round(copied.start / tick)
     else:
         tick, lasts = CLOCK, float(np.median(np.diff(times))) if len(times) > 1 else 0.04
-        ticks = np.rint(times / float(tick)).astype(np.int64)
+        begin = video.reading.picture_start if isinstance(video, VideoFile) else 0.0
+        ticks = np.rint((times + begin) / float(tick)).astype(np.int64)
     return np.append(ticks, ticks[-1] + max(round(lasts / tick), 1)), tick
 
 

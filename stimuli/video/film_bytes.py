@@ -1,9 +1,14 @@
-"""The bytes of a film, here or at a URL, for FFmpeg: one pass gives its packets and its SHA-256."""
+"""The bytes of a film, here or at a URL, for FFmpeg: one pass gives its packets and its SHA-256.
+
+The checksums inside FFV1 frames are compared here: FFmpeg's decoder sees them fail but does not report it
+(RFC 9043, 4.9).
+"""
 
 from __future__ import annotations
 
 import hashlib
 import io
+import zlib
 from contextlib import AbstractContextManager
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -11,6 +16,8 @@ from typing import Any
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.stimuli.video.video_locations import BLOCK, VideoPath, told_in_one_line
 
+FOOTER = 8  # bytes at the end of a slice: its size (3), an error status (1), parity that makes the CRC 0 (4)
+_REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 READ_FILMS: dict[str, str] = {}  # SHA-256 of each film when it was read last, by its path or URL
 
 
@@ -74,3 +81,25 @@ class FilmBytes(AbstractContextManager["FilmBytes"]):
 
     def __exit__(self, *_: object) -> None:
         self._stream.close()
+
+
+def slices_intact(frame: bytes) -> bool:
+    """Whether the slices of an FFV1 frame, each with a checksum, fill it exactly and are all intact.
+
+    False also for a frame that was written without checksums.
+    """
+    end = len(frame)
+    while end > 0:
+        size = FOOTER + int.from_bytes(frame[max(end - FOOTER, 0) : end - FOOTER + 3], "big")
+        if end < size or _crc(frame[end - size : end]) != 0:
+            return False
+        end -= size
+    return True
+
+
+def _crc(slice_: bytes) -> int:
+    """Return the CRC of RFC 9043, 4.9.3, bits reversed: polynomial 0x04C11DB7, highest bit first, start 0.
+
+    zlib has the same polynomial from the lowest bit on, between two inversions.
+    """
+    return zlib.crc32(slice_.translate(_REVERSED_BITS), 0xFFFFFFFF) ^ 0xFFFFFFFF

@@ -1,28 +1,34 @@
-"""The pass over a film: its packets, the pictures that they decode to, and what of it is damaged.
+"""The pass over a film: its packets, its pictures, when these appear, and what of it is damaged.
 
 The decoder's stamps are a film's timeline. Packets alone tell it, without decoding, where each is one
-picture (docs/decisions/frame-times.md). The checksums inside FFV1 frames are compared here: FFmpeg's decoder
-sees them fail but does not report it (RFC 9043, 4.9).
+picture (docs/decisions/frame-times.md).
 """
 
 from __future__ import annotations
 
-import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING, Any, cast
 
+import av
 import numpy as np
 from av.codec.context import CodecContext
 from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.tracks.film_reading import Damaged
-from evenlight.stimuli.video.film_stream import film_stream
-from evenlight.stimuli.video.video_source import ASSUMED_RATE
+from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
+from evenlight.stimuli.video.film_bytes import slices_intact
+from evenlight.stimuli.video.film_stream import film_stream, promised_end
+from evenlight.stimuli.video.video_source import (
+    ASSUMED_RATE,
+    FrameTimes,
+    frame_times,
+    rising,
+    uniform_times,
+)
 
 if TYPE_CHECKING:
     from av.container import InputContainer
@@ -35,18 +41,22 @@ if TYPE_CHECKING:
 
 REMEDY = "give a whole copy of it, or one encoded again"
 GO_ON = f"{REMEDY}; `damaged` hold or skip goes on without what is lost"
+RISE = "encode it again with times that rise, as FFmpeg does with `-vf setpts=N/25/TB` for 25 frames a second"
+LONGEST_FALL = 1.0  # [s]: stamps that fall back farther begin anew, and tell no times
+MOST_LEFT_OUT = 0.1  # of the pictures
 STRICT = {"err_detect": "crccheck+explode"}
 # FFmpeg's TIFF decoder then refuses good files too; it reports damage of its own accord.
 STRICT_ALREADY = ("tiff",)
 # In 240 files damaged at random these report it at the same frame as in one thread; MPEG-4 and FFV1 do not.
 DECODED_SIDE_BY_SIDE = ("h264", "hevc", "vp9")
-# Each packet of these is one picture, as of all codecs of single pictures, but for the fields of interlaced films.
+# Each packet of these is one picture, as of all codecs of single pictures, if it is not one field of two.
 ONE_TO_ONE = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4", "ffv1", "png", "qtrle")
 OF_ALPHA = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 OF_FIELDS = ("h264", "mpeg2video")
 PROGRESSIVE = 1  # FFmpeg's AV_FIELD_PROGRESSIVE
-FOOTER = 8  # bytes at the end of a slice: its size (3), an error status (1), parity that makes the CRC 0 (4)
-_REVERSED_BITS = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
+# When all pictures appear, with 0 s for those that are never seen; how the film is read; their stamps, rising
+# [ticks], None where they do not tell them apart; in whose places the picture before is shown.
+FilmTimes = tuple[FrameTimes, FilmReading, NDArray[np.int64] | None, NDArray[np.bool_] | None]
 
 
 @dataclass(slots=True)
@@ -63,16 +73,6 @@ class FilmReader:
         Its stream, if it is not the one that players take.
     times : array, (frames,), or None
         When the frames appear, as far as it is known beforehand, to tell where damage is [s].
-    count, cut_away : int
-        Packets that were read, and those that the container's edit list cuts away.
-    stamps : list of int or None
-        Time stamps of the packets, in their order [ticks].
-    last_duration : int
-        Duration of the packet that is shown last [ticks].
-    lost : list of int or None
-        Stamps of the packets that damage costs [ticks].
-    begins_with_key, in_order : bool
-        Whether the first packet is a key frame, and no key frame lies before a picture that is decoded first.
     shown : int
         How many pictures the decoder has given, or the number of the next one.
     """
@@ -84,18 +84,22 @@ class FilmReader:
     times: NDArray[np.float64] | None = None
     stream: VideoStream = field(init=False)
     decoder: VideoCodecContext = field(init=False)
-    count: int = 0
-    cut_away: int = 0
-    stamps: list[int | None] = field(default_factory=list)
-    last_duration: int = 0
-    lost: list[int | None] = field(default_factory=list)
-    begins_with_key: bool = True
-    in_order: bool = True
     shown: int = 0
+    _is_one_to_one: bool = field(init=False)  # each whole packet is a picture, and not one field of two
+    _rates: list[Fraction] = field(init=False)  # that the file claims, the most trusted first [Hz]
+    _tick: Fraction = field(init=False)  # what a time stamp counts [s]
+    _step: float = field(init=False)  # about how long a picture lasts [ticks]
+    _count: int = 0  # of the packets
+    _cut_away: int = 0  # packets that the container's edit list cuts away
+    _stamps: list[int | None] = field(default_factory=list)  # of the packets, in their order [ticks]
     _first: int | None = None  # stamp of the first packet
     _latest: int | None = None
-    _intact: int = 0
+    _last_duration: int = 0  # of the packet with the latest stamp [ticks]
+    _begins_with_key: bool = True
+    _in_order: bool = True  # no key frame lies before a picture that is decoded first
+    _intact: int = 0  # checksums
     _broken: int | None = None  # the first frame whose checksum is wrong
+    _lost: list[int | None] = field(default_factory=list)  # stamps of packets that damage costs
     _waits: bool = False  # for a key frame
     _key: int | None = None  # stamp of the one that ended the waiting: no picture before it is whole
 
@@ -106,15 +110,15 @@ class FilmReader:
             # The two pictures, of colours and of transparency, are decoded by this one only.
             self.decoder = cast("VideoCodecContext", CodecContext.create(OF_ALPHA[self.decoder.name], "r"))
         self._waits = self.damaged is not Damaged.REFUSE
+        has_fields = self.decoder.name in OF_FIELDS and self.decoder.field_order != PROGRESSIVE
+        single = self.decoder.codec.intra_only or self.decoder.name in ONE_TO_ONE
+        self._is_one_to_one = single and not has_fields
+        self._rates = [rate for rate in (self.stream.average_rate, self.stream.guessed_rate) if rate]
+        self._tick = self.stream.time_base or 1 / ASSUMED_RATE
+        self._step = float(1 / ((*self._rates, ASSUMED_RATE)[0] * self._tick))
 
-    def packets(self) -> Iterator[Packet[VideoStream]]:
-        """Yield the packets that hold pictures, each noted; at the end an empty one.
-
-        Raises
-        ------
-        InputError
-            If one is damaged, and damage is refused.
-        """
+    def _packets(self) -> Iterator[Packet[VideoStream]]:
+        """Yield the packets that hold pictures, each noted; at the end an empty one."""
         try:
             for packet in self.container.demux(self.stream):
                 if packet.size == 0:
@@ -126,28 +130,28 @@ class FilmReader:
                 yield packet
         except FFmpegError as error:
             if self.damaged is Damaged.REFUSE:
-                raise self._refusal(self.count, error.strerror) from error
+                raise self._refusal(self._count, error.strerror) from error
 
     def _note(self, packet: Packet[VideoStream]) -> None:
-        if not self.count + self.cut_away:
-            self.begins_with_key, self._first = packet.is_keyframe, packet.pts
+        if not self._count + self._cut_away:
+            self._begins_with_key, self._first = packet.is_keyframe, packet.pts
         if packet.is_discard:
-            self.cut_away += 1
+            self._cut_away += 1
             return
         if self.damaged is Damaged.REFUSE and _is_cut(packet, self.decoder.name):
-            raise self._refusal(self.count, "its packet is cut off or damaged")
+            raise self._refusal(self._count, "its packet is cut off or damaged")
         if self.decoder.name == "ffv1":
             if slices_intact(bytes(packet)):
                 self._intact += 1
             elif self._broken is None:
-                self._broken = self.count
-        self.count += 1
-        self.stamps.append(packet.pts)
+                self._broken = self._count
+        self._count += 1
+        self._stamps.append(packet.pts)
         if packet.pts is not None:
             if packet.is_keyframe and self._latest is not None:
-                self.in_order &= packet.pts > self._latest
+                self._in_order &= packet.pts > self._latest
             if self._latest is None or packet.pts >= self._latest:
-                self._latest, self.last_duration = packet.pts, packet.duration or 0
+                self._latest, self._last_duration = packet.pts, packet.duration or 0
 
     def pictures(self) -> Iterator[VideoFrame]:
         """Yield the pictures that are whole, as the decoder gives them.
@@ -162,7 +166,7 @@ class FilmReader:
             self.decoder.thread_count = 1  # so that the packet is known that is damaged
         elif self.decoder.name in DECODED_SIDE_BY_SIDE:
             self.decoder.thread_type = "FRAME"
-        for packet in self.packets():
+        for packet in self._packets():
             for picture in [] if self._passed_over(packet) else self._decoded(packet):
                 self.shown += 1
                 yield picture
@@ -175,8 +179,8 @@ class FilmReader:
             self._waits, self._key = False, packet.pts
             return False
         leads = self._key is not None and packet.pts is not None and packet.pts < self._key
-        if self._waits or (leads and self.lost):
-            self.lost.append(packet.pts)
+        if self._waits or (leads and self._lost):
+            self._lost.append(packet.pts)
         return self._waits or leads
 
     def _decoded(self, packet: Packet[VideoStream]) -> list[VideoFrame]:
@@ -195,63 +199,50 @@ class FilmReader:
         if refuses:
             raise self._refusal(self.shown, why)
         # The pictures before are whole; the decoder begins again at the next key frame.
-        self.lost += [packet.pts, *(picture.pts for picture in pictures if picture.is_corrupt)]
+        self._lost += [packet.pts, *(picture.pts for picture in pictures if picture.is_corrupt)]
         with suppress(FFmpegError):
             pictures += self.decoder.decode(None)
         self.decoder.flush_buffers()
         self._waits = True
-        return [one for one in pictures if not one.is_corrupt and one.pts not in self.lost]
+        return [one for one in pictures if not one.is_corrupt and one.pts not in self._lost]
 
     def _refusal(self, frame: int, why: str | None) -> InputError:
         """Return what is said of damage at a frame."""
-        stamps, at = sorted(s for s in self.stamps if s is not None), ""
+        stamps, at = sorted(s for s in self._stamps if s is not None), ""
         if self.times is not None:
             at = f" ({self.times[min(frame, len(self.times) - 1)]:.3f} s)"
         elif stamps:
-            at = f" ({float((stamps[min(frame, len(stamps) - 1)] - stamps[0]) * self.tick):.3f} s)"
+            at = f" ({float((stamps[min(frame, len(stamps) - 1)] - stamps[0]) * self._tick):.3f} s)"
         return InputError(f"{self.path} is damaged at frame {frame}{at}: {why}; {GO_ON}")
 
     @property
-    def is_one_to_one(self) -> bool:
-        """Whether each whole packet gives a picture: no two of them may be the fields of one."""
-        has_fields = self.decoder.name in OF_FIELDS and self.decoder.field_order != PROGRESSIVE
-        return not has_fields and (self.decoder.codec.intra_only or self.decoder.name in ONE_TO_ONE)
-
-    @property
-    def tells_frames(self) -> bool:
+    def _tells_frames(self) -> bool:
         """Whether the packets are known to be the pictures: nothing need be decoded to know the times."""
-        known = {stamp for stamp in self.stamps if stamp is not None}
-        begins = self.begins_with_key and not any(self.leads(stamp) for stamp in known - {self._first})
-        return self.is_one_to_one and len(known) == self.count and begins and self.in_order
+        known = {stamp for stamp in self._stamps if stamp is not None}
+        begins = self._begins_with_key and not any(self._leads(stamp) for stamp in known - {self._first})
+        return self._is_one_to_one and len(known) == self._count and begins and self._in_order
 
-    def leads(self, stamp: int) -> bool:
+    def _leads(self, stamp: int) -> bool:
         """Whether a stamp lies before the end of the first packet's picture.
 
         Pictures that lead it need some before. Muxers that allow no negative times put them right after it.
         """
-        return self._first is None or stamp < self._first + 0.5 * self.step
+        return self._first is None or stamp < self._first + 0.5 * self._step
 
-    def lacking(self, found: Iterable[int | None]) -> set[int]:
+    def _lacking(self, found: Iterable[int | None]) -> set[int]:
         """Return the stamps of pictures that damage costs, given those of the ones that were decoded."""
-        lost = {stamp for stamp in self.lost if stamp is not None}
-        if self.is_one_to_one:
-            lost |= {s for s in self.stamps if s is not None and not (self.begins_with_key and self.leads(s))}
+        lost = {stamp for stamp in self._lost if stamp is not None}
+        if self._is_one_to_one:
+            lost.update(s for s in self._stamps if s is not None)
+            lost = {s for s in lost if not (self._begins_with_key and self._leads(s))}
         return lost - set(found)
 
     @property
-    def rates(self) -> list[Fraction]:
-        """Frame rates that the file claims, the most trusted first [Hz]."""
-        return [rate for rate in (self.stream.average_rate, self.stream.guessed_rate) if rate]
-
-    @property
-    def step(self) -> float:
-        """About how long a picture lasts [ticks]."""
-        return float(1 / ((*self.rates, ASSUMED_RATE)[0] * self.tick))
-
-    @property
-    def tick(self) -> Fraction:
-        """What a time stamp counts [s]."""
-        return self.stream.time_base or 1 / ASSUMED_RATE
+    def _by_decoding(self) -> bool:
+        """Whether stamps are times of decoding, as in AVI: they rise, and pictures are reordered."""
+        known = [stamp for stamp in self._stamps if stamp is not None]
+        is_avi = self.container.format.name == "avi"
+        return is_avi and self.decoder.has_b_frames and known == sorted(known)
 
 
 def _is_cut(packet: Packet[VideoStream], codec: str) -> bool:
@@ -265,23 +256,122 @@ def prepare(decoder: VideoCodecContext) -> None:
         decoder.options = STRICT
 
 
-def slices_intact(frame: bytes) -> bool:
-    """Whether the slices of an FFV1 frame, each with a checksum, fill it exactly and are all intact.
+def times_of_packets(reader: FilmReader) -> FilmTimes | None:
+    """Read all packets, and return the times of a film's pictures; None if only the decoder knows them."""
+    if reader.damaged is not Damaged.REFUSE:
+        return None
+    for _ in reader._packets():
+        pass
+    _require_whole(reader)
+    if not reader._tells_frames:
+        return None
+    return _film_times(reader, sorted(s for s in reader._stamps if s is not None), reader._last_duration)
 
-    False also for a frame that was written without checksums.
+
+def times_of_pictures(reader: FilmReader) -> FilmTimes:
+    """Decode a film, and return the times of its pictures by the decoder's stamps."""
+    found: list[int | None] = []
+    last = 0
+    for picture in reader.pictures():
+        found.append(picture.dts if picture.pts is None else picture.pts)
+        last = picture.duration or 0
+    if reader.damaged is Damaged.REFUSE:
+        _require_whole(reader)
+        _require_all(reader, found)
+    if not found:
+        raise InputError(f"{reader.path} holds no frames: it is cut off or damaged; {REMEDY}")
+    given = [stamp for stamp in found if stamp is not None]
+    if len(given) < len(found):
+        timeline = uniform_times(len(found), (*reader._rates, ASSUMED_RATE)[0])
+        return timeline, _reading(reader, frames_skipped=len(reader._lost)), None, None
+    # The decoder gives pictures in the order they are shown.
+    return _film_times(reader, sorted(given) if reader._by_decoding else given, last)
+
+
+def _require_whole(reader: FilmReader) -> None:
+    # An MP4 lists every packet before the first is read; other containers' indices may hold key frames only.
+    promised = len(reader.stream.index_entries) if "mp4" in reader.container.format.name else 0
+    there = reader._count + reader._cut_away
+    if there < promised:
+        raise InputError(f"{reader.path} is cut off: {there} of {promised} frames are there; {GO_ON}")
+    if not reader._count:
+        raise InputError(f"{reader.path} holds no frames: it is cut off or damaged; {REMEDY}")
+
+
+def _require_all(reader: FilmReader, found: list[int | None]) -> None:
+    """Refuse a film that lacks pictures; those that lead the first key frame are left out, as players do."""
+    n = len(found)
+    if n >= reader._count or not reader._is_one_to_one:
+        return
+    if not reader._begins_with_key:
+        raise InputError(
+            f"{reader.path} begins within a group of pictures: {reader._count - n} frames need those before; "
+            f"{GO_ON}"
+        )
+    if None in found or reader._lacking(found):
+        raise InputError(f"{reader.path} is damaged: {n} of {reader._count} frames can be decoded; {GO_ON}")
+
+
+def _reading(reader: FilmReader, **found: Any) -> FilmReading:
+    container = reader.container
+    return FilmReading(
+        reader.stream.index if len(container.streams.video) > 1 else reader.wanted,
+        file_duration=container.duration / av.time_base if container.duration else None,
+        damaged=reader.damaged,
+        **found,
+    )
+
+
+def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:
+    """Return the times of pictures that the decoder gives with some stamps."""
+    stamps, tick, held = np.array(given, dtype=np.int64), reader._tick, None
+    lost = [] if reader.damaged is Damaged.REFUSE else sorted(reader._lacking(given))
+    after = [stamp for stamp in lost if stamp > given[0]] if reader.damaged is Damaged.HOLD else []
+    if after:
+        places = np.searchsorted(stamps, after)
+        held = np.insert(np.zeros(len(given), dtype=bool), places, True)
+        stamps = np.insert(stamps, places, after)
+    if len(stamps) > 1 and stamps.min() == stamps.max():
+        raise InputError(f"{reader.path}: all its {len(stamps)} frames have the same time; {REMEDY}")
+    mended, left = _mended(stamps, 0.75 * reader._step)
+    back = float((np.maximum.accumulate(stamps) - stamps).max() * tick) if left else 0.0
+    if back > LONGEST_FALL or (back and left > MOST_LEFT_OUT * len(stamps)):
+        raise InputError(
+            f"{reader.path}: its time stamps fall back by up to {back:.3f} s, and {left} of {len(stamps)} "
+            f"pictures have no time of their own; {RISE}"
+        )
+    timeline = frame_times(mended, tick, last, reader._rates)
+    first = float(mended[0] * tick)
+    end, promised = (
+        first + timeline.times[-1] + timeline.durations[-1],
+        promised_end(reader.container, reader.stream),
+    )
+    most = 0.75 * float(np.median(timeline.durations)) + float(tick)
+    if promised - end > most and reader.damaged is Damaged.REFUSE:
+        raise InputError(
+            f"{reader.path} is cut off: it ends at {end:.3f} s instead of {promised:.3f} s; {GO_ON}"
+        )
+    reading = _reading(
+        reader,
+        picture_start=first - (reader.container.start_time or 0) / av.time_base,
+        frames_held=len(after),
+        frames_skipped=len(lost) - len(after) + (left if back else 0),
+        fall_back=back,
+    )
+    apart = bool((np.diff(stamps) > 0).all()) and not reader._by_decoding
+    return timeline, reading, stamps if apart else None, held
+
+
+def _mended(stamps: NDArray[np.int64], least: float) -> tuple[NDArray[np.int64], int]:
+    """Return stamps that rise, and how many pictures have that of the next one, which replaces them at once.
+
+    As many as rise are kept, and others put between where there is room for their pictures: a decoder that
+    guesses a stamp which the file lacks may guess a wrong one.
     """
-    end = len(frame)
-    while end > 0:
-        size = FOOTER + int.from_bytes(frame[max(end - FOOTER, 0) : end - FOOTER + 3], "big")
-        if end < size or _crc(frame[end - size : end]) != 0:
-            return False
-        end -= size
-    return True
-
-
-def _crc(slice_: bytes) -> int:
-    """Return the CRC of RFC 9043, 4.9.3, bits reversed: polynomial 0x04C11DB7, highest bit first, start 0.
-
-    zlib has the same polynomial from the lowest bit on, between two inversions.
-    """
-    return zlib.crc32(slice_.translate(_REVERSED_BITS), 0xFFFFFFFF) ^ 0xFFFFFFFF
+    seen = rising(stamps.tolist())
+    places = np.arange(len(stamps))
+    between = np.rint(np.interp(places, places[seen], stamps[seen])).astype(np.int64)
+    room = np.diff(between) >= least
+    seen |= np.append(False, room) & np.append(room, False)
+    following = places[seen][np.minimum(np.cumsum(seen) - seen, seen.sum() - 1)]
+    return between[following], int((~seen).sum())

@@ -40,8 +40,8 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
             raise InputError(f"{path} holds no video; {SUPPORTED}")
         if "image2" in names or container.format.name.endswith("_pipe"):
             raise InputError(
-                f"{path} is one image, not a video (or an animated WebP, of which FFmpeg reads one image: write "
-                "it as Matroska); for images give the folder that holds them"
+                f"{path} is one image, not a video, or an animated WebP, which FFmpeg cannot read: write it "
+                "as GIF; for images give the folder that holds them"
             )
         yield container
 

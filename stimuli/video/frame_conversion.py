@@ -166,15 +166,12 @@ def display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:
 
 def upright(pixels: NDArray[Any], frame: VideoFrame) -> NDArray[Any]:
     """Return the pixels of a frame as its display matrix shows them, where that keeps rows and columns."""
-    matrix = display_matrix(frame)
-    if matrix is None:
-        return pixels
-    across, down = (matrix[0], matrix[4]), (matrix[3], matrix[1])
-    if any(across) == any(down):  # by another angle than quarter turns
-        return pixels
-    x, y = across if any(across) else down
-    seen = pixels if any(across) else pixels.swapaxes(0, 1)
-    return np.ascontiguousarray(seen[:: -1 if y < 0 else 1, :: -1 if x < 0 else 1])
+    a, b, _, c, d = np.sign((display_matrix(frame) or (1, 0, 0, 0, 1))[:5])
+    if a and d and not (b or c):
+        return np.ascontiguousarray(pixels[::d, ::a])
+    if b and c and not (a or d):
+        return np.ascontiguousarray(pixels.swapaxes(0, 1)[::b, ::c])
+    return pixels  # by another angle than quarter turns
 
 
 def _depth(pixel_format: VideoFormat) -> int:

@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from fractions import Fraction
-from typing import TYPE_CHECKING
 
 import av
 import numpy as np
@@ -22,21 +21,24 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
-from evenlight.stimuli.video.film_reader import GO_ON, REMEDY, FilmReader
+from evenlight.stimuli.video.film_reader import (
+    GO_ON,
+    REMEDY,
+    RISE,
+    FilmReader,
+    times_of_packets,
+    times_of_pictures,
+)
 from evenlight.stimuli.video.film_stream import (
     SUPPORTED,
     field_of_view_tag,
     opened_container,
     streams_in_words,
 )
-from evenlight.stimuli.video.film_times import RISE, times_of_packets, times_of_pictures
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.square_pixels import SQUARE, in_words, pixel_aspect_of
 from evenlight.stimuli.video.video_locations import VideoPath
 from evenlight.stimuli.video.video_source import FrameTimes
-
-if TYPE_CHECKING:
-    from av.container import InputContainer
 
 SEEK_BACK = (0.0, 10.0)  # [s] before a frame that is sought: from the key frame there it is decoded
 
@@ -162,7 +164,7 @@ class VideoFile:
         for picture in pictures:
             if k == n:
                 raise InputError(f"{self.path} decodes to more than the {n} frames it announces; {REMEDY}")
-            if self.stamps is not None and picture.pts != self.stamps[k]:
+            if self.stamps is not None and picture.pts not in (None, self.stamps[k]):
                 raise InputError(f"{self.path}: its time stamps fall back before frame {k}; {RISE}")
             yield k, picture
             k += 1
@@ -175,34 +177,27 @@ class VideoFile:
     @contextmanager
     def _decoded_from(self, first: int) -> Iterator[tuple[int, Iterator[av.VideoFrame]]]:
         """Yield pictures from one at or before some place on, and the place of the first."""
-        can_seek = first > 0 and self.stamps is not None and self.reading.damaged is Damaged.REFUSE
-        for seconds in SEEK_BACK if can_seek else ():
-            with opened_container(self.path) as container:
-                pictures = self._sought(container, first, seconds)
-                if pictures is not None:
-                    yield first, pictures
-                    return
-        with opened_container(self.path) as container:
-            yield 0, self._reader(container).pictures()
-
-    def _reader(self, container: InputContainer) -> FilmReader:
         how = self.reading
-        times = self.timeline.times if how.damaged is Damaged.REFUSE else None
-        return FilmReader(self.path, container, how.damaged, how.stream, times=times)
+        can_seek = first > 0 and self.stamps is not None and how.damaged is Damaged.REFUSE
+        for seconds in (*SEEK_BACK, None) if can_seek else (None,):
+            with opened_container(self.path) as container:
+                reader = FilmReader(self.path, container, how.damaged, how.stream, self.timeline.times)
+                found = reader.pictures() if seconds is None else self._sought(reader, first, seconds)
+                if found is not None:
+                    yield 0 if seconds is None else first, found
+                    return
 
-    def _sought(
-        self, container: InputContainer, first: int, seconds: float
-    ) -> Iterator[av.VideoFrame] | None:
+    def _sought(self, reader: FilmReader, first: int, seconds: float) -> Iterator[av.VideoFrame] | None:
         """Return the frames from one on, decoded from a key frame so long before it; None if it is not found.
 
         It is found by its time stamp. A decoder passes over, or reports, what it cannot show without the
         frames before the key frame: then the search begins earlier.
         """
         assert self.stamps is not None
-        reader, wanted = self._reader(container), int(self.stamps[first])
+        wanted = int(self.stamps[first])
         try:
             back = 0 if reader.stream.time_base is None else round(seconds / reader.stream.time_base)
-            container.seek(wanted - back, stream=reader.stream)
+            reader.container.seek(wanted - back, stream=reader.stream)
             pictures = reader.pictures()
             for picture in pictures:
                 if picture.pts == wanted:
