@@ -8,12 +8,14 @@ from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitM
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, ObjectiveName, SolverName
 
 __all__ = [
     "Actuator",
     "BandKind",
     "BudgetUnit",
+    "Damaged",
     "Device",
     "Direction",
     "LimitCurve",

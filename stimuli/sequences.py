@@ -10,7 +10,7 @@ from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
 
-from evenlight.data_schema.arguments import choice, number, whole
+from evenlight.data_schema.arguments import number
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
@@ -166,9 +166,6 @@ def open_video(
         raise ArgumentError("video", f"must be a path or a built-in sequence's name, got {shown_kind(name)}")
     if fps is not None:
         number("fps", fps)
-    policy = choice("damaged", damaged, Damaged)
-    if stream is not None:
-        whole("stream", stream)
     name = local_name(fspath(name))
     if is_scene_file(name) and not is_url(name):
         return built_in_sequence(name)
@@ -181,7 +178,7 @@ def open_video(
                 f"{shown_name(name)} has its own frame rate; only a folder of images or a built-in sequence "
                 f"takes one, got {fps:g}"
             )
-        return open_video_file(path, policy, stream)
+        return open_video_file(path, Damaged(damaged), stream)
     if is_sequence(name):
         return built_in_sequence(name, frames_per_second=fps)
     raise InputError(

@@ -7,7 +7,7 @@ from os import PathLike, fspath
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from evenlight.data_schema.arguments import choice, flag, number
+from evenlight.data_schema.arguments import choice, flag, number, whole
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.film_reading import Damaged
@@ -156,6 +156,9 @@ class DimmedOn(Dimmed):
         super().check()
         if self.battery_wh is not None:
             number("battery_wh", self.battery_wh, *BATTERIES)
+        choice("damaged", self.damaged, Damaged)
+        if self.stream is not None:
+            whole("stream", self.stream)
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, for frames or white screens, and for a battery."""

@@ -90,6 +90,8 @@ class OptimizationJob:
 class AnalysedVideo:
     """The video of loss curves, whose frames are not at hand."""
 
+    reading = None
+
     def __init__(self, curves: LossCurves) -> None:
         self.curves, self.name, self.n_frames = curves, curves.video, curves.n_frames
 

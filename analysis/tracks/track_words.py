@@ -89,9 +89,9 @@ def compared(ours: float, constant: float) -> str:
 
 
 def gain_in_words(summary: OptimizationSummary) -> tuple[str, ...]:
-    """Return what a track saves, costs and gains, in three to five lines."""
+    """Return what a track saves, costs and gains, and what of its film is left out, in three to six lines."""
     lines = (_saving(summary), _cost(summary), _minimized(summary), evenness(summary), _off_budget(summary))
-    return tuple(line for line in lines if line)
+    return *(line for line in lines if line), *(() if summary.film is None else summary.film.notes)
 
 
 def first_words(summary: OptimizationSummary) -> str:

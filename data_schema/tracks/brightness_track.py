@@ -92,7 +92,7 @@ class TrackHeader:
         "the display that it was made for; null in tracks of earlier versions", default=None
     )
     film: FilmReading | None = described(
-        "how the video's file was read; null of other videos, and in tracks of earlier versions", default=None
+        "how the video's file was read; null where only loss curves were, and in older tracks", default=None
     )
 
 

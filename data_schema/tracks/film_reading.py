@@ -46,11 +46,7 @@ class FilmReading:
         "pictures that are left out, because of damage, or since time stamps after them fall back", default=0
     )
     fall_back: float = quantity(
-        "s",
-        "how far the time stamps fall back at most",
-        minimum=0.0,
-        key="fall_back_s",
-        default=0.0,
+        "s", "how far the time stamps fall back at most", minimum=0.0, key="fall_back_s", default=0.0
     )
 
     @property

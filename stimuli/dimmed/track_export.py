@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.storage.whole_files import write_whole
@@ -94,13 +95,22 @@ def stretches_of(track: ExportedTrack, tolerance: float = TOLERANCE) -> list[Str
     return [*found, Stretch(first, len(scales) - 1, (low + high) / 2)]
 
 
+def _film_of(track: ExportedTrack) -> FilmReading:
+    if track.film is None:
+        raise InputError(
+            "the track does not tell when its film begins, for an earlier version made it, or it is of loss "
+            "curves alone: make it again of the video, with `optimize`"
+        )
+    return track.film
+
+
 def ffmpeg_script(track: ExportedTrack) -> str:
     """Return a filter script: `ffmpeg -filter_complex_script FILE`.
 
     The clock is the file's, which FFmpeg begins at 0. A command holds from the middle between two frames on.
     """
     stretches, times = stretches_of(track), track.times
-    begin = 0.0 if track.film is None else track.film.picture_start
+    begin = _film_of(track).picture_start
     commands = [
         f"{begin + (times[first - 1] + times[first]) / 2:.6f} blend@dim all_opacity {scale:.7f}"
         for first, _, scale in stretches[1:]
@@ -133,7 +143,7 @@ def ffmpeg_script(track: ExportedTrack) -> str:
 def mpv_script(track: ExportedTrack) -> str:
     """Return a Lua script: `mpv --script=FILE VIDEO`; the template `dim.lua` says how it works."""
     frame = float(np.median(np.diff(track.times))) if len(track.times) > 1 else 0.04
-    film = track.film or FilmReading()
+    film = _film_of(track)
     lines = (f"{film.picture_start + track.times[s.first]:.6f} {s.scale:.7f}" for s in stretches_of(track))
     duration = film.picture_start + track.times[-1] + frame
     script = (resources.files("evenlight.stimuli.dimmed") / "dim.lua").read_text(encoding="utf-8")

@@ -8,8 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
-from fractions import Fraction
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any, cast
 
 import av
@@ -54,12 +53,12 @@ ONE_TO_ONE = ("h264", "hevc", "av1", "libdav1d", "vp9", "mpeg2video", "mpeg4", "
 OF_ALPHA = {"vp8": "libvpx", "vp9": "libvpx-vp9"}
 OF_FIELDS = ("h264", "mpeg2video")
 PROGRESSIVE = 1  # FFmpeg's AV_FIELD_PROGRESSIVE
+Times = NDArray[np.float64]
 # When all pictures appear, with 0 s for those that are never seen; how the film is read; their stamps, rising
 # [ticks], None where they do not tell them apart; in whose places the picture before is shown.
 FilmTimes = tuple[FrameTimes, FilmReading, NDArray[np.int64] | None, NDArray[np.bool_] | None]
 
 
-@dataclass(slots=True)
 class FilmReader:
     """Reads a stream from where its container stands, and keeps account of it.
 
@@ -67,85 +66,72 @@ class FilmReader:
     ----------
     path, container : VideoPath, InputContainer
         The film.
-    damaged : Damaged
-        What becomes of damage: refused, or the pictures up to the next key frame are lost.
-    wanted : int or None
-        Its stream, if it is not the one that players take.
+    how : FilmReading
+        Which stream is read, and what becomes of damage: the film is refused, or pictures are lost up to the
+        next key frame.
     times : array, (frames,), or None
         When the frames appear, as far as it is known beforehand, to tell where damage is [s].
     shown : int
         How many pictures the decoder has given, or the number of the next one.
     """
 
-    path: VideoPath
-    container: InputContainer
-    damaged: Damaged = Damaged.REFUSE
-    wanted: int | None = None
-    times: NDArray[np.float64] | None = None
-    stream: VideoStream = field(init=False)
-    decoder: VideoCodecContext = field(init=False)
-    shown: int = 0
-    _is_one_to_one: bool = field(init=False)  # each whole packet is a picture, and not one field of two
-    _rates: list[Fraction] = field(init=False)  # that the file claims, the most trusted first [Hz]
-    _tick: Fraction = field(init=False)  # what a time stamp counts [s]
-    _step: float = field(init=False)  # about how long a picture lasts [ticks]
-    _count: int = 0  # of the packets
-    _cut_away: int = 0  # packets that the container's edit list cuts away
-    _stamps: list[int | None] = field(default_factory=list)  # of the packets, in their order [ticks]
-    _first: int | None = None  # stamp of the first packet
-    _latest: int | None = None
-    _last_duration: int = 0  # of the packet with the latest stamp [ticks]
-    _begins_with_key: bool = True
-    _in_order: bool = True  # no key frame lies before a picture that is decoded first
-    _intact: int = 0  # checksums
-    _broken: int | None = None  # the first frame whose checksum is wrong
-    _lost: list[int | None] = field(default_factory=list)  # stamps of packets that damage costs
-    _waits: bool = False  # for a key frame
-    _key: int | None = None  # stamp of the one that ended the waiting: no picture before it is whole
-
-    def __post_init__(self) -> None:
-        self.stream = film_stream(self.path, self.container, self.wanted)
-        self.decoder = self.stream.codec_context
-        if self.stream.metadata.get("alpha_mode") == "1" and self.decoder.name in OF_ALPHA:
+    def __init__(
+        self, path: VideoPath, container: InputContainer, how: FilmReading, times: Times | None = None
+    ) -> None:
+        self.path, self.container, self.how, self.times = path, container, how, times
+        self.stream = stream = film_stream(path, container, how.stream)
+        decoder = stream.codec_context
+        if stream.metadata.get("alpha_mode") == "1" and decoder.name in OF_ALPHA:
             # The two pictures, of colours and of transparency, are decoded by this one only.
-            self.decoder = cast("VideoCodecContext", CodecContext.create(OF_ALPHA[self.decoder.name], "r"))
-        self._waits = self.damaged is not Damaged.REFUSE
-        has_fields = self.decoder.name in OF_FIELDS and self.decoder.field_order != PROGRESSIVE
-        single = self.decoder.codec.intra_only or self.decoder.name in ONE_TO_ONE
-        self._is_one_to_one = single and not has_fields
-        self._rates = [rate for rate in (self.stream.average_rate, self.stream.guessed_rate) if rate]
-        self._tick = self.stream.time_base or 1 / ASSUMED_RATE
-        self._step = float(1 / ((*self._rates, ASSUMED_RATE)[0] * self._tick))
+            decoder = cast("VideoCodecContext", CodecContext.create(OF_ALPHA[decoder.name], "r"))
+        self.decoder, self.shown = decoder, 0
+        has_fields = decoder.name in OF_FIELDS and decoder.field_order != PROGRESSIVE
+        self._is_one_to_one = (decoder.codec.intra_only or decoder.name in ONE_TO_ONE) and not has_fields
+        self._tick = stream.time_base or 1 / ASSUMED_RATE  # what a time stamp counts [s]
+        self._rates = [rate for rate in (stream.average_rate, stream.guessed_rate) if rate]
+        self._step = float(1 / ((*self._rates, ASSUMED_RATE)[0] * self._tick))  # about a picture's [ticks]
+        self._stamps: list[int | None] = []  # of the packets, in their order [ticks]
+        self._first: int | None = None  # of the first packet
+        self._latest: int | None = None
+        self._last_duration = 0  # of the packet with the latest stamp [ticks]
+        self._cut_away = 0  # packets that the container's edit list cuts away
+        self._begins_with_key = True
+        self._in_order = True  # no key frame lies before a picture that is decoded first
+        self._has_checksums, self._holds = False, True  # and whether that of the packet holds
+        self._broken: int | None = None  # the first frame whose checksum is wrong
+        self._lost: list[int | None] = []  # stamps of packets that damage costs
+        self._refuses = how.damaged is Damaged.REFUSE
+        self._waits = not self._refuses  # for a key frame
+        self._key: int | None = None  # stamp of the one that ended the waiting: no picture before it is whole
 
     def _packets(self) -> Iterator[Packet[VideoStream]]:
         """Yield the packets that hold pictures, each noted; at the end an empty one."""
         try:
             for packet in self.container.demux(self.stream):
                 if packet.size == 0:
-                    if self._intact and self._broken is not None and self.damaged is Damaged.REFUSE:
+                    if self._has_checksums and self._broken is not None and self._refuses:
                         raise self._refusal(self._broken, "its checksum is wrong")
                     yield packet
                     return
                 self._note(packet)
                 yield packet
         except FFmpegError as error:
-            if self.damaged is Damaged.REFUSE:
-                raise self._refusal(self._count, error.strerror) from error
+            if self._refuses:
+                raise self._refusal(len(self._stamps), error.strerror) from error
 
     def _note(self, packet: Packet[VideoStream]) -> None:
-        if not self._count + self._cut_away:
+        if not (self._stamps or self._cut_away):
             self._begins_with_key, self._first = packet.is_keyframe, packet.pts
         if packet.is_discard:
             self._cut_away += 1
             return
-        if self.damaged is Damaged.REFUSE and _is_cut(packet, self.decoder.name):
-            raise self._refusal(self._count, "its packet is cut off or damaged")
-        if self.decoder.name == "ffv1":
-            if slices_intact(bytes(packet)):
-                self._intact += 1
-            elif self._broken is None:
-                self._broken = self._count
-        self._count += 1
+        if self._refuses and _is_cut(packet, self.decoder.name):
+            raise self._refusal(len(self._stamps), "its packet is cut off or damaged")
+        if self.decoder.name == "ffv1" and (self.times is None or not self._refuses):
+            self._holds = slices_intact(bytes(packet))
+            self._has_checksums |= self._holds
+            if not self._holds and self._broken is None:
+                self._broken = len(self._stamps)
         self._stamps.append(packet.pts)
         if packet.pts is not None:
             if packet.is_keyframe and self._latest is not None:
@@ -162,7 +148,7 @@ class FilmReader:
             If one is damaged, and damage is refused.
         """
         prepare(self.decoder)
-        if self.damaged is not Damaged.REFUSE:
+        if not self._refuses:
             self.decoder.thread_count = 1  # so that the packet is known that is damaged
         elif self.decoder.name in DECODED_SIDE_BY_SIDE:
             self.decoder.thread_type = "FRAME"
@@ -186,9 +172,10 @@ class FilmReader:
     def _decoded(self, packet: Packet[VideoStream]) -> list[VideoFrame]:
         pictures: list[VideoFrame] = []
         why: str | None = "its packet is cut off or damaged"
-        refuses = self.damaged is Damaged.REFUSE  # what it is of the packets is refused as they are read
-        broken = self._intact and packet.size and not slices_intact(bytes(packet))
-        if refuses or not (broken or _is_cut(packet, self.decoder.name)):
+        broken = packet.size and (
+            (self._has_checksums and not self._holds) or _is_cut(packet, self.decoder.name)
+        )
+        if self._refuses or not broken:  # it is refused as packets are read
             try:
                 pictures, why = self.decoder.decode(packet), "the decoder marks it"
             except FFmpegError as error:
@@ -196,7 +183,7 @@ class FilmReader:
             else:
                 if not any(picture.is_corrupt for picture in pictures):
                     return pictures
-        if refuses:
+        if self._refuses:
             raise self._refusal(self.shown, why)
         # The pictures before are whole; the decoder begins again at the next key frame.
         self._lost += [packet.pts, *(picture.pts for picture in pictures if picture.is_corrupt)]
@@ -214,13 +201,6 @@ class FilmReader:
         elif stamps:
             at = f" ({float((stamps[min(frame, len(stamps) - 1)] - stamps[0]) * self._tick):.3f} s)"
         return InputError(f"{self.path} is damaged at frame {frame}{at}: {why}; {GO_ON}")
-
-    @property
-    def _tells_frames(self) -> bool:
-        """Whether the packets are known to be the pictures: nothing need be decoded to know the times."""
-        known = {stamp for stamp in self._stamps if stamp is not None}
-        begins = self._begins_with_key and not any(self._leads(stamp) for stamp in known - {self._first})
-        return self._is_one_to_one and len(known) == self._count and begins and self._in_order
 
     def _leads(self, stamp: int) -> bool:
         """Whether a stamp lies before the end of the first packet's picture.
@@ -241,8 +221,40 @@ class FilmReader:
     def _by_decoding(self) -> bool:
         """Whether stamps are times of decoding, as in AVI: they rise, and pictures are reordered."""
         known = [stamp for stamp in self._stamps if stamp is not None]
-        is_avi = self.container.format.name == "avi"
-        return is_avi and self.decoder.has_b_frames and known == sorted(known)
+        reordered = self.container.format.name == "avi" and self.decoder.has_b_frames
+        return reordered and known == sorted(known)
+
+    def times_of_packets(self) -> FilmTimes | None:
+        """Read all packets; return the times of a film's pictures, None if only the decoder knows them."""
+        if not self._refuses:
+            return None
+        for _ in self._packets():
+            pass
+        _require_whole(self)
+        known = {stamp for stamp in self._stamps if stamp is not None}
+        begins = self._begins_with_key and not any(self._leads(stamp) for stamp in known - {self._first})
+        if self._is_one_to_one and len(known) == len(self._stamps) and begins and self._in_order:
+            return _film_times(self, sorted(known), self._last_duration)
+        return None
+
+    def times_of_pictures(self) -> FilmTimes:
+        """Decode a film, and return the times of its pictures by the decoder's stamps."""
+        found: list[int | None] = []
+        last = 0
+        for picture in self.pictures():
+            found.append(picture.dts if picture.pts is None else picture.pts)
+            last = picture.duration or 0
+        if self._refuses:
+            _require_whole(self)
+            _require_all(self, found)
+        if not found:
+            raise InputError(f"{self.path} holds no frames: it is cut off or damaged; {REMEDY}")
+        given = [stamp for stamp in found if stamp is not None]
+        if len(given) < len(found):
+            timeline = uniform_times(len(found), (*self._rates, ASSUMED_RATE)[0])
+            return timeline, _reading(self, frames_skipped=len(self._lost)), None, None
+        # The decoder gives pictures in the order they are shown.
+        return _film_times(self, sorted(given) if self._by_decoding else given, last)
 
 
 def _is_cut(packet: Packet[VideoStream], codec: str) -> bool:
@@ -256,77 +268,42 @@ def prepare(decoder: VideoCodecContext) -> None:
         decoder.options = STRICT
 
 
-def times_of_packets(reader: FilmReader) -> FilmTimes | None:
-    """Read all packets, and return the times of a film's pictures; None if only the decoder knows them."""
-    if reader.damaged is not Damaged.REFUSE:
-        return None
-    for _ in reader._packets():
-        pass
-    _require_whole(reader)
-    if not reader._tells_frames:
-        return None
-    return _film_times(reader, sorted(s for s in reader._stamps if s is not None), reader._last_duration)
-
-
-def times_of_pictures(reader: FilmReader) -> FilmTimes:
-    """Decode a film, and return the times of its pictures by the decoder's stamps."""
-    found: list[int | None] = []
-    last = 0
-    for picture in reader.pictures():
-        found.append(picture.dts if picture.pts is None else picture.pts)
-        last = picture.duration or 0
-    if reader.damaged is Damaged.REFUSE:
-        _require_whole(reader)
-        _require_all(reader, found)
-    if not found:
-        raise InputError(f"{reader.path} holds no frames: it is cut off or damaged; {REMEDY}")
-    given = [stamp for stamp in found if stamp is not None]
-    if len(given) < len(found):
-        timeline = uniform_times(len(found), (*reader._rates, ASSUMED_RATE)[0])
-        return timeline, _reading(reader, frames_skipped=len(reader._lost)), None, None
-    # The decoder gives pictures in the order they are shown.
-    return _film_times(reader, sorted(given) if reader._by_decoding else given, last)
-
-
 def _require_whole(reader: FilmReader) -> None:
     # An MP4 lists every packet before the first is read; other containers' indices may hold key frames only.
     promised = len(reader.stream.index_entries) if "mp4" in reader.container.format.name else 0
-    there = reader._count + reader._cut_away
+    there = len(reader._stamps) + reader._cut_away
     if there < promised:
         raise InputError(f"{reader.path} is cut off: {there} of {promised} frames are there; {GO_ON}")
-    if not reader._count:
+    if not reader._stamps:
         raise InputError(f"{reader.path} holds no frames: it is cut off or damaged; {REMEDY}")
 
 
 def _require_all(reader: FilmReader, found: list[int | None]) -> None:
     """Refuse a film that lacks pictures; those that lead the first key frame are left out, as players do."""
-    n = len(found)
-    if n >= reader._count or not reader._is_one_to_one:
+    n, packets = len(found), len(reader._stamps)
+    if n >= packets or not reader._is_one_to_one:
         return
     if not reader._begins_with_key:
         raise InputError(
-            f"{reader.path} begins within a group of pictures: {reader._count - n} frames need those before; "
+            f"{reader.path} begins within a group of pictures: {packets - n} frames need those before; "
             f"{GO_ON}"
         )
     if None in found or reader._lacking(found):
-        raise InputError(f"{reader.path} is damaged: {n} of {reader._count} frames can be decoded; {GO_ON}")
+        raise InputError(f"{reader.path} is damaged: {n} of {packets} frames can be decoded; {GO_ON}")
 
 
 def _reading(reader: FilmReader, **found: Any) -> FilmReading:
     container = reader.container
-    return FilmReading(
-        reader.stream.index if len(container.streams.video) > 1 else reader.wanted,
-        file_duration=container.duration / av.time_base if container.duration else None,
-        damaged=reader.damaged,
-        **found,
-    )
+    chosen = reader.stream.index if len(container.streams.video) > 1 else reader.how.stream
+    duration = container.duration / av.time_base if container.duration else None
+    return replace(reader.how, stream=chosen, file_duration=duration, **found)
 
 
 def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:
     """Return the times of pictures that the decoder gives with some stamps."""
     stamps, tick, held = np.array(given, dtype=np.int64), reader._tick, None
-    lost = [] if reader.damaged is Damaged.REFUSE else sorted(reader._lacking(given))
-    after = [stamp for stamp in lost if stamp > given[0]] if reader.damaged is Damaged.HOLD else []
+    lost = [] if reader._refuses else sorted(reader._lacking(given))
+    after = [stamp for stamp in lost if stamp > given[0]] if reader.how.damaged is Damaged.HOLD else []
     if after:
         places = np.searchsorted(stamps, after)
         held = np.insert(np.zeros(len(given), dtype=bool), places, True)
@@ -347,7 +324,7 @@ def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:
         promised_end(reader.container, reader.stream),
     )
     most = 0.75 * float(np.median(timeline.durations)) + float(tick)
-    if promised - end > most and reader.damaged is Damaged.REFUSE:
+    if promised - end > most and reader._refuses:
         raise InputError(
             f"{reader.path} is cut off: it ends at {end:.3f} s instead of {promised:.3f} s; {GO_ON}"
         )

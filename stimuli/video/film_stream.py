@@ -41,7 +41,7 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
         if "image2" in names or container.format.name.endswith("_pipe"):
             raise InputError(
                 f"{path} is one image, not a video, or an animated WebP, which FFmpeg cannot read: write it "
-                "as GIF; for images give the folder that holds them"
+                "as APNG; for images give the folder that holds them"
             )
         yield container
 

@@ -60,6 +60,11 @@ class ImageFolder:
         """How many images there are."""
         return len(self.files)
 
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """Its rate, in a line: images have none of their own."""
+        return (f"{self.frames_per_second:g} images a second (`fps`)",)
+
     def sha256(self) -> str:
         """Return the SHA-256 of the images' names and contents, in order; other files do not count."""
         return sha256_of_bytes("".join(f"{f.name}\0{sha256_of_file(f)}\n" for f in self.files).encode())

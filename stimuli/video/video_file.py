@@ -21,14 +21,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
-from evenlight.stimuli.video.film_reader import (
-    GO_ON,
-    REMEDY,
-    RISE,
-    FilmReader,
-    times_of_packets,
-    times_of_pictures,
-)
+from evenlight.stimuli.video.film_reader import GO_ON, REMEDY, RISE, FilmReader
 from evenlight.stimuli.video.film_stream import (
     SUPPORTED,
     field_of_view_tag,
@@ -177,11 +170,11 @@ class VideoFile:
     @contextmanager
     def _decoded_from(self, first: int) -> Iterator[tuple[int, Iterator[av.VideoFrame]]]:
         """Yield pictures from one at or before some place on, and the place of the first."""
-        how = self.reading
-        can_seek = first > 0 and self.stamps is not None and how.damaged is Damaged.REFUSE
+        refuses = self.reading.damaged is Damaged.REFUSE
+        can_seek = first > 0 and self.stamps is not None and refuses
         for seconds in (*SEEK_BACK, None) if can_seek else (None,):
             with opened_container(self.path) as container:
-                reader = FilmReader(self.path, container, how.damaged, how.stream, self.timeline.times)
+                reader = FilmReader(self.path, container, self.reading, self.timeline.times)
                 found = reader.pictures() if seconds is None else self._sought(reader, first, seconds)
                 if found is not None:
                     yield 0 if seconds is None else first, found
@@ -229,12 +222,13 @@ def open_video_file(
     InputError
         If it is no video, is damaged, ends before its time, or its pixels or its field of view cannot be.
     """
+    how = FilmReading(stream, damaged=damaged)
     with FilmBytes(path) as content:
         if content.size == 0:
             raise InputError(f"{path} is empty; {SUPPORTED}")
         with opened_container(path, content) as container:
-            reader = FilmReader(path, container, damaged, stream)
-            chosen, timing = reader.stream, times_of_packets(reader)
+            reader = FilmReader(path, container, how)
+            chosen, timing = reader.stream, reader.times_of_packets()
             aspect, field_of_view = pixel_aspect_of(path, chosen), field_of_view_tag(path, container)
             notes = [] if aspect == SQUARE else [f"pixels of {in_words(aspect)}; resampled to square ones"]
             if len(container.streams.video) > 1:
@@ -245,7 +239,7 @@ def open_video_file(
         if timing is None:
             content.seek(0)
             with opened_container(path, content) as container:
-                timing = times_of_pictures(FilmReader(path, container, damaged, stream))
+                timing = FilmReader(path, container, how).times_of_pictures()
         timeline, reading, stamps, held = timing
         notes.extend(reading.notes)
         return VideoFile(

@@ -63,8 +63,8 @@ def notes_on(video: VideoSource) -> tuple[str, ...]:
 
 
 def film_reading(video: VideoSource) -> FilmReading | None:
-    """Return how the file of a video is read, None of what is no such file."""
-    known: FilmReading | None = getattr(video, "reading", None)
+    """Return how a video is read: what is no film begins at 0; None where it is not at hand."""
+    known: FilmReading | None = getattr(video, "reading", FilmReading())
     return known
 
 
