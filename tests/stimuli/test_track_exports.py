@@ -24,7 +24,7 @@ READERS = Path(__file__).parents[2] / "examples" / "readers"
 
 
 def exported(
-    times: np.ndarray, factors: np.ndarray, video: str = "made", film: FilmReading | None = None
+    times: np.ndarray, factors: np.ndarray, video: str = "made", film: FilmReading | None = FilmReading()
 ) -> ExportedTrack:
     return ExportedTrack(
         video, None, "ours", "lab", 100.0, GAMMA, 0.5, STEP,
