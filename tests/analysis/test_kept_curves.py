@@ -205,6 +205,7 @@ NOT_IN_KEY = {
     "evenlight.data_schema.storage.text_files": FILES,
     "evenlight.data_schema.storage.whole_files": FILES,
     "evenlight.data_schema.tracks.brightness_track": RECORDS,
+    "evenlight.data_schema.tracks.film_reading": RECORDS,
     "evenlight.data_schema.tracks.loss_curves": RECORDS,
     "evenlight.stimuli.fractal_noise": SCENES,
     "evenlight.stimuli.scenes.engine.array_cache": SCENES,

@@ -9,13 +9,15 @@ from numpy.typing import ArrayLike
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.film_reading import FilmReading
 
 HEADER = TrackHeader("v", "d", "f", "p", "r", 0.5, BudgetUnit.FACTOR, "splitting", Provenance())
 
 
 def header_of(display: Display, /, **changed: Any) -> TrackHeader:
     """Return the header of a track for a display, which it names; it holds none unless one is given."""
-    return replace(HEADER, display_name=display.name, display_fingerprint=display.fingerprint, **changed)
+    of_display = {"display_name": display.name, "display_fingerprint": display.fingerprint}
+    return replace(HEADER, film=FilmReading(), **of_display, **changed)
 
 
 def example_track(

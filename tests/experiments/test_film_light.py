@@ -37,6 +37,13 @@ def test_the_luminance_is_what_the_frame_emits_at_full_brightness_or_that_of_whi
         np.testing.assert_allclose(film_light(loaded, track.header.display).luminance, luminance)
 
 
+def test_frames_are_on_screen_when_the_file_says_by_whose_clock_players_tell_positions() -> None:
+    track = a_track()
+    assert track.header.display is not None
+    late = film_light(LoadedTrack(track, 0.5, "test"), track.header.display, begin=0.5)
+    np.testing.assert_allclose(late.times, 0.5 + np.asarray(track.times))
+
+
 def test_the_rate_limit_is_the_one_of_the_track(tmp_path: Path) -> None:
     track = a_track()
     assert track_rate_limit(track, None) == load_rate_limit("surace2025")

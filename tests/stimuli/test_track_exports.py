@@ -1,7 +1,9 @@
 """Exported tracks: their scripts and readers give back the track's factors, at its frames."""
 
+import re
 import shutil
 import subprocess
+from collections.abc import Callable
 from fractions import Fraction
 from itertools import pairwise
 from pathlib import Path
@@ -10,21 +12,23 @@ import av
 import numpy as np
 import pytest
 
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import STEP, ExportedTrack
 from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.stimuli.dimmed import track_export
 from evenlight.stimuli.dimmed.dimming import pixel_scale
-from evenlight.stimuli.dimmed.track_export import ffmpeg_script, stretches_of, write_export
+from evenlight.stimuli.dimmed.track_export import ffmpeg_script, mpv_script, stretches_of, write_export
 from evenlight.stimuli.video.video_file import open_video_file
 
 GAMMA = 2.2
+PLAIN = FilmReading()
 READERS = Path(__file__).parents[2] / "examples" / "readers"
 
 
 def exported(
-    times: np.ndarray, factors: np.ndarray, video: str = "made", film: FilmReading | None = FilmReading()
+    times: np.ndarray, factors: np.ndarray, video: str = "made", film: FilmReading | None = PLAIN
 ) -> ExportedTrack:
     return ExportedTrack(
         video, None, "ours", "lab", 100.0, GAMMA, 0.5, STEP,
@@ -193,6 +197,19 @@ def test_ffmpeg_dims_videos_of_other_formats(pix_fmt: str, tmp_path: Path) -> No
         for p in (source, by_ffmpeg(source, ffmpeg_script(flat(3)), "-pix_fmt", "yuv444p10le"))
     )
     np.testing.assert_allclose(dimmed, 255 * shown / 255 * pixel_scale(0.5, GAMMA), atol=2)
+
+
+def test_the_script_of_mpv_goes_by_the_clock_of_a_late_film_and_knows_how_long_its_sound_is() -> None:
+    film = FilmReading(picture_start=0.5, file_duration=7.0)
+    lua = mpv_script(exported(np.arange(50) / 25, np.linspace(0.3, 0.9, 50), film=film))
+    assert re.search(r"^0\.500000 ", lua, re.MULTILINE)
+    assert "7.000000" in lua
+
+
+@pytest.mark.parametrize("script", [mpv_script, ffmpeg_script])
+def test_a_track_that_does_not_tell_its_films_clock_is_to_be_made_again(script: Callable) -> None:
+    with pytest.raises(InputError, match=r"an earlier version made it.*`optimize`"):
+        script(exported(np.arange(2) / 25, np.array([0.5, 0.6]), film=None))
 
 
 # --- Readers

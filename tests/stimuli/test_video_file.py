@@ -99,25 +99,6 @@ def test_the_hash_is_that_of_the_file_and_the_name_its_stem(tmp_path):
     assert open_video_file(path).name == "clip"
 
 
-def test_rotation_in_the_metadata_is_applied(tmp_path):
-    path = tmp_path / "phone.mp4"
-    picture = np.zeros((32, 64, 3), dtype=np.uint8)
-    picture[:16, :32] = 255  # white at the top left
-    with av.open(str(path), "w") as container:
-        stream = container.add_stream("libx264", rate=25, options={"qp": "0"})
-        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
-        stream.set_display_rotation(90)
-        container.mux(stream.encode(VideoFrame.from_ndarray(picture, "rgb24")))
-        container.mux(stream.encode())
-    with av.open(str(path)) as container:
-        degrees = next(container.decode(video=0)).rotation
-    shown = next(open_video_file(path).frames()).pixel_values
-    assert shown.shape == (64, 32, 3)
-    # `degrees` is counterclockwise: +90 brings the top left corner to the bottom left, -90 to the top right.
-    corner = shown[48:, :8] if degrees == 90 else shown[:16, 24:]
-    assert (corner > 240).all()
-
-
 def test_memory_does_not_grow_with_the_length(tmp_path):
     def peak(frames):
         path = encode(tmp_path / f"{frames}.mp4", stamps=range(frames), size=(320, 240))
