@@ -27,7 +27,7 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     if wanted.curves is not None and wanted.others:
         raise InputError("`curves` holds the loss curves of one video; leave it out where `others` adds some")
     names = [one.video, *(map(str, wanted.others or ()))]
-    source, *others = open_videos(names, wanted.fps, wanted.damaged, wanted.stream)
+    source, *others = open_videos(names, wanted.fps, damaged=wanted.damaged, stream=wanted.stream)
     job = replace(wanted, others=None).job(source, display, request)
     effort = wanted.effort(display, job.model, one.quiet)
     job = replace(job, others=tuple(others), effort=effort, quiet=one.quiet)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from os import PathLike, fspath
 from pathlib import Path
+from typing import Any
 
 from evenlight.data_schema.arguments import number
 from evenlight.data_schema.display import Display
@@ -92,12 +93,7 @@ def built_in_sequence(
         raise InputError(f"cannot render {name}: {error}") from error
 
 
-def open_videos(
-    names: Sequence[str],
-    fps: float | None = None,
-    damaged: Damaged | str = "refuse",
-    stream: int | None = None,
-) -> tuple[VideoSource, ...]:
+def open_videos(names: Sequence[str], fps: float | None = None, **film: Any) -> tuple[VideoSource, ...]:
     """Return the videos of some names; those without a frame rate of their own get the one given.
 
     Parameters
@@ -106,8 +102,8 @@ def open_videos(
         As in `open_video`.
     fps : float, optional
         Frame rate of folders of images and of built-in sequences [Hz].
-    damaged, stream
-        As in `open_video`.
+    **film
+        Arguments of `open_video` for films.
 
     Raises
     ------
@@ -116,7 +112,7 @@ def open_videos(
     """
     own = [_has_its_rate(name) for name in names]
     return tuple(
-        open_video(name, None if has_rate and not all(own) else fps, damaged, stream)
+        open_video(name, None if has_rate and not all(own) else fps, **film)
         for name, has_rate in zip(names, own, strict=True)
     )
 

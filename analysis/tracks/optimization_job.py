@@ -37,7 +37,6 @@ from evenlight.stimuli.video.video_source import (
     film_reading,
     frames_at,
     frames_from,
-    notes_on,
 )
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry, geometry_words, seen_video
 
@@ -117,7 +116,7 @@ def loss_curves_of(
         If the curves of an earlier run are given, and are of another video, display or model.
     """
     source = job.source
-    for note in notes_on(source):
+    for note in getattr(source, "notes", ()):
         _say(job, f"{source.name}: {note}")
     words = f"analysing {job.analysis_name}"
     with shown_progress(job.quiet) as progress:

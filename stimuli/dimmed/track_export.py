@@ -97,10 +97,8 @@ def stretches_of(track: ExportedTrack, tolerance: float = TOLERANCE) -> list[Str
 
 def _film_of(track: ExportedTrack) -> FilmReading:
     if track.film is None:
-        raise InputError(
-            "the track does not tell when its film begins, for an earlier version made it, or it is of loss "
-            "curves alone: make it again of the video, with `optimize`"
-        )
+        said = "an earlier version made it, or it is of loss curves alone: make it again with `optimize`"
+        raise InputError(f"the track does not tell when its film begins, for {said}")
     return track.film
 
 

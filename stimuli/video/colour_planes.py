@@ -17,7 +17,6 @@ from evenlight.stimuli.video.frame_conversion import (
     LUMA_WEIGHTS,
     ColourConverter,
     complete_tags,
-    display_matrix,
     planes_of,
     require_gamma_encoded,
 )
@@ -63,7 +62,9 @@ class PixelReader:
 
         Nothing else may write to the frame any more.
         """
-        if not (self._is_square and frame.format.name in _PLANAR and display_matrix(frame) is None):
+        if not (
+            self._is_square and frame.format.name in _PLANAR and self._convert.display_matrix(frame) is None
+        ):
             return self._rgb(frame)
         require_gamma_encoded(frame)
         complete_tags(frame)

@@ -64,8 +64,6 @@ class FilmReader:
 
     Attributes
     ----------
-    path, container : VideoPath, InputContainer
-        The film.
     how : FilmReading
         Which stream is read, and what becomes of damage: the film is refused, or pictures are lost up to the
         next key frame.

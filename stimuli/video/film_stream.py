@@ -72,12 +72,13 @@ def film_stream(path: VideoPath, container: InputContainer, wanted: int | None =
     """
     streams = [s for s in container.streams.video if wanted in (None, s.index)]
     if not streams:
-        raise InputError(f"`stream` {wanted}: {path} has the videos {streams_in_words(container)}")
+        known = [s.index for s in container.streams.video]
+        raise InputError(f"`stream` {wanted}: {path} has the videos {known}")
     films = [s for s in streams if not s.disposition & COVER] or streams
     if len(films) > 1:
         moving = _moving(path, [s.index for s in films])
         films = [s for s in films if s.index in moving] or films
-    chosen = max(films, key=lambda s: (bool(s.disposition & Disposition.default), math.prod(_size(s))))
+    chosen = max(films, key=lambda s: (bool(s.disposition & Disposition.default), _area(s)))
     if chosen.codec_context is None:
         raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
     return chosen
@@ -95,18 +96,8 @@ def _moving(path: VideoPath, streams: Sequence[int]) -> list[int]:
     return [stream for stream, count in counts.items() if count > 1]
 
 
-def _size(stream: VideoStream) -> tuple[int, int]:
-    codec = stream.codec_context
-    return (codec.width, codec.height) if codec else (0, 0)
-
-
-def streams_in_words(container: InputContainer) -> str:
-    """Return the streams of pictures, each with its number."""
-    words = []
-    for stream in container.streams.video:
-        codec, (width, height) = stream.codec_context, _size(stream)
-        words.append(f"{stream.index} ({codec.name if codec else 'no decoder'}, {width}x{height})")
-    return ", ".join(words)
+def _area(stream: VideoStream) -> int:
+    return stream.codec_context.width * stream.codec_context.height if stream.codec_context else 0
 
 
 def field_of_view_tag(path: VideoPath, container: InputContainer) -> float | None:

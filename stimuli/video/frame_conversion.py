@@ -57,6 +57,7 @@ class ColourConverter:
     def __init__(self, pixel_aspect: Fraction = SQUARE) -> None:
         self._aspect = pixel_aspect
         self._reformatter, self._resampler = VideoReformatter(), VideoReformatter()
+        self._matrices: dict[float, tuple[int, ...] | None] = {}
 
     def rgb(self, frame: VideoFrame) -> NDArray[Any]:
         """Return gamma-encoded R, G, B over the full range of the integer type, upright, without alpha.
@@ -89,7 +90,13 @@ class ColourConverter:
         pixels = pixels[:height, :width]
         if self._aspect != SQUARE:
             pixels = with_square_pixels(pixels, self._aspect, self._resampler)
-        return upright(pixels, frame)
+        return upright(pixels, self.display_matrix(frame))
+
+    def display_matrix(self, frame: VideoFrame) -> tuple[int, ...] | None:
+        """Return `display_matrix`, asked once of one video for each angle: it keeps its frame in memory."""
+        if frame.rotation not in self._matrices:
+            self._matrices[frame.rotation] = display_matrix(frame)
+        return self._matrices[frame.rotation]
 
     def _shallow(self, frame: VideoFrame) -> NDArray[Any]:
         packed = "rgb24" if frame.format.is_rgb else "gbrp"  # to planes is 3 times as fast, and as exact
@@ -164,9 +171,9 @@ def display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:
     return None if matrix is None or (matrix[1] == matrix[3] == 0 < min(matrix[0], matrix[4])) else matrix
 
 
-def upright(pixels: NDArray[Any], frame: VideoFrame) -> NDArray[Any]:
-    """Return the pixels of a frame as its display matrix shows them, where that keeps rows and columns."""
-    a, b, _, c, d = np.sign((display_matrix(frame) or (1, 0, 0, 0, 1))[:5])
+def upright(pixels: NDArray[Any], matrix: tuple[int, ...] | None) -> NDArray[Any]:
+    """Return pixels as a display matrix shows them, where that keeps rows and columns."""
+    a, b, _, c, d = np.sign((matrix or (1, 0, 0, 0, 1))[:5])
     if a and d and not (b or c):
         return np.ascontiguousarray(pixels[::d, ::a])
     if b and c and not (a or d):

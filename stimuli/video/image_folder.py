@@ -88,10 +88,9 @@ class ImageFolder:
             If an image cannot be read, or differs in size from the first one.
         """
         rate = rate_from_number(self.frames_per_second)
-        convert = ColourConverter()
         shape = None
         for k, file in ((k, self.files[k]) for k in numbers):
-            pixels = _read_array(file) if file.suffix.lower() in ARRAYS else _read_image(file, convert)
+            pixels = _read_array(file) if file.suffix.lower() in ARRAYS else _read_image(file)
             if shape not in (None, pixels.shape):
                 raise InputError(
                     f"{file} is {pixels.shape[1]}x{pixels.shape[0]}, the images before it are "
@@ -128,7 +127,7 @@ def open_image_folder(path: Path, frames_per_second: float | None = None) -> Ima
     return ImageFolder(path, tuple(files), 25.0 if frames_per_second is None else frames_per_second)
 
 
-def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
+def _read_image(file: Path) -> NDArray[Any]:
     require_plain_file(file, "an image")
     try:
         with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
@@ -137,7 +136,7 @@ def _read_image(file: Path, convert: ColourConverter) -> NDArray[Any]:
             picture = next(container.decode(stream))
             if picture.is_corrupt:
                 raise InputError(f"{file} is damaged; replace this image")
-            return convert.rgb(picture)
+            return ColourConverter().rgb(picture)
     except UnsupportedColourError as error:
         raise InputError(f"{file} holds {error}; convert it to 8 or 16 bits, gamma-encoded") from error
     except (FFmpegError, IndexError, StopIteration, UnicodeError) as error:

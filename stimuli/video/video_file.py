@@ -22,12 +22,7 @@ from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.film_reader import GO_ON, REMEDY, RISE, FilmReader
-from evenlight.stimuli.video.film_stream import (
-    SUPPORTED,
-    field_of_view_tag,
-    opened_container,
-    streams_in_words,
-)
+from evenlight.stimuli.video.film_stream import SUPPORTED, field_of_view_tag, opened_container
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.square_pixels import SQUARE, in_words, pixel_aspect_of
 from evenlight.stimuli.video.video_locations import VideoPath
@@ -231,11 +226,8 @@ def open_video_file(
             chosen, timing = reader.stream, reader.times_of_packets()
             aspect, field_of_view = pixel_aspect_of(path, chosen), field_of_view_tag(path, container)
             notes = [] if aspect == SQUARE else [f"pixels of {in_words(aspect)}; resampled to square ones"]
-            if len(container.streams.video) > 1:
-                notes.append(
-                    f"the file holds the videos {streams_in_words(container)}; {chosen.index} is taken "
-                    "(`stream`)"
-                )
+            if len(several := [s.index for s in container.streams.video]) > 1:
+                notes.append(f"of its videos {several}, stream {chosen.index} is taken (`stream`)")
         if timing is None:
             content.seek(0)
             with opened_container(path, content) as container:

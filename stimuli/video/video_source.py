@@ -57,11 +57,6 @@ def field_of_view_of(video: VideoSource) -> float | None:
     return known
 
 
-def notes_on(video: VideoSource) -> tuple[str, ...]:
-    """Return what of a video is chosen, or not taken as it is in its file, in lines."""
-    return tuple(getattr(video, "notes", ()))
-
-
 def film_reading(video: VideoSource) -> FilmReading | None:
     """Return how a video is read: what is no film begins at 0; None where it is not at hand."""
     known: FilmReading | None = getattr(video, "reading", FilmReading())
