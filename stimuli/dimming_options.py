@@ -79,16 +79,10 @@ FpsOption = Annotated[
 ]
 DamagedOption = Annotated[
     Member[Damaged],
-    viewing(
-        help="What becomes of pictures that a film's damage costs, up to its next key frame: the film is "
-        "refused, the picture before them is held, or they are skipped."
-    ),
+    viewing(help="Refuse a damaged film, or hold or skip what is lost up to its next key frame."),
 ]
 StreamOption = Annotated[
-    int | None,
-    expert(
-        metavar="N", help="Stream of the film, as FFmpeg counts them. Otherwise the one that players take."
-    ),
+    int | None, expert(metavar="N", help="Stream of the film, as FFmpeg counts; else that of players.")
 ]
 JobsOption = Annotated[
     int, computation(help="How many frames to analyse at the same time, each on a core; 0: on all cores.")

@@ -145,8 +145,7 @@ def open_video(
     fps : float, optional
         Frame rate of a folder of images, or of a built-in sequence; 25 if not given [Hz].
     damaged : Damaged or str
-        What becomes of pictures that a film's damage costs, up to its next key frame: "refuse", "hold" (the
-        picture before them is shown on), or "skip" (they are left out).
+        "refuse" a damaged film, "hold" the picture before those that are lost, or "skip" these.
     stream : int, optional
         Stream of the film, as FFmpeg counts them; else the one that players take.
 

@@ -37,8 +37,7 @@ class FilmReading:
         default=None,
     )
     damaged: Damaged = described(
-        "what became of pictures that damage cost: the film was refused (refuse), the picture before them "
-        "was held (hold), or they were left out (skip)",
+        "what became of pictures that damage cost: the one before was held, or they were left out (skip)",
         default=Damaged.REFUSE,
     )
     frames_held: int = count("frames that show the picture before them, because of damage", default=0)

@@ -35,7 +35,7 @@ from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
 from evenlight.stimuli.video.frame_conversion import (
     BT709,
     LUMA_WEIGHTS,
-    display_matrix,
+    ColourConverter,
     matrix_of,
     planes_of,
 )
@@ -112,7 +112,7 @@ class DimmedPlanes:
                 first.colorspace, first.color_primaries, first.color_trc,
             ),
             aspect=stream.sample_aspect_ratio or SQUARE,
-            turned=display_matrix(first),
+            turned=ColourConverter().display_matrix(first),
         )  # fmt: skip
 
     def dimmed(self, scales: Sequence[Array]) -> Iterator[tuple[float, list[list[Codes]]]]:
@@ -203,7 +203,9 @@ def dimmed_pictures(
         _, first = next(video.pictures())
         require_gamma_encoded(video.name, first)
         whole = encoder.name == "ffv1" or first.width % 2 == first.height % 2 == 0
-        fits = not one_beside_other or (display_matrix(first) is None and first.width % 2 == 0)
+        fits = not one_beside_other or (
+            ColourConverter().display_matrix(first) is None and first.width % 2 == 0
+        )
         # Matroska has the shape of pixels from the stream of H.264 and HEVC alone.
         square = (stream.sample_aspect_ratio or SQUARE) == SQUARE or encoder.name in ("libx264", "libx265")
         known = _layout(first) in encoder.layouts and matrix_of(first) in LUMA_WEIGHTS

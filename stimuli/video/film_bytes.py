@@ -1,8 +1,4 @@
-"""The bytes of a film, here or at a URL, for FFmpeg: one pass gives its packets and its SHA-256.
-
-The checksums inside FFV1 frames are compared here: FFmpeg's decoder sees them fail but does not report it
-(RFC 9043, 4.9).
-"""
+"""The bytes of a film, here or at a URL, for FFmpeg: one pass gives its packets and its SHA-256."""
 
 from __future__ import annotations
 
@@ -86,7 +82,7 @@ class FilmBytes(AbstractContextManager["FilmBytes"]):
 def slices_intact(frame: bytes) -> bool:
     """Whether the slices of an FFV1 frame, each with a checksum, fill it exactly and are all intact.
 
-    False also for a frame that was written without checksums.
+    FFmpeg's decoder sees checksums fail but does not report it. False also for a frame without checksums.
     """
     end = len(frame)
     while end > 0:

@@ -138,13 +138,7 @@ class FilmReader:
                 self._latest, self._last_duration = packet.pts, packet.duration or 0
 
     def pictures(self) -> Iterator[VideoFrame]:
-        """Yield the pictures that are whole, as the decoder gives them.
-
-        Raises
-        ------
-        InputError
-            If one is damaged, and damage is refused.
-        """
+        """Yield the pictures that are whole, as the decoder gives them; damage that is refused is raised."""
         prepare(self.decoder)
         if not self._refuses:
             self.decoder.thread_count = 1  # so that the packet is known that is damaged
@@ -193,18 +187,13 @@ class FilmReader:
 
     def _refusal(self, frame: int, why: str | None) -> InputError:
         """Return what is said of damage at a frame."""
-        stamps, at = sorted(s for s in self._stamps if s is not None), ""
-        if self.times is not None:
-            at = f" ({self.times[min(frame, len(self.times) - 1)]:.3f} s)"
-        elif stamps:
-            at = f" ({float((stamps[min(frame, len(stamps) - 1)] - stamps[0]) * self._tick):.3f} s)"
+        stamps = sorted(stamp for stamp in self._stamps if stamp is not None)
+        since = [float((s - stamps[0]) * self._tick) for s in stamps] if self.times is None else self.times
+        at = f" ({since[min(frame, len(since) - 1)]:.3f} s)" if len(since) else ""
         return InputError(f"{self.path} is damaged at frame {frame}{at}: {why}; {GO_ON}")
 
     def _leads(self, stamp: int) -> bool:
-        """Whether a stamp lies before the end of the first packet's picture.
-
-        Pictures that lead it need some before. Muxers that allow no negative times put them right after it.
-        """
+        """Whether a stamp lies before the end of the first picture: muxers put what leads it right after."""
         return self._first is None or stamp < self._first + 0.5 * self._step
 
     def _lacking(self, found: Iterable[int | None]) -> set[int]:
@@ -282,10 +271,8 @@ def _require_all(reader: FilmReader, found: list[int | None]) -> None:
     if n >= packets or not reader._is_one_to_one:
         return
     if not reader._begins_with_key:
-        raise InputError(
-            f"{reader.path} begins within a group of pictures: {packets - n} frames need those before; "
-            f"{GO_ON}"
-        )
+        lack = f"{packets - n} frames need those before"
+        raise InputError(f"{reader.path} begins within a group of pictures: {lack}; {GO_ON}")
     if None in found or reader._lacking(found):
         raise InputError(f"{reader.path} is damaged: {n} of {packets} frames can be decoded; {GO_ON}")
 

@@ -40,8 +40,8 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
             raise InputError(f"{path} holds no video; {SUPPORTED}")
         if "image2" in names or container.format.name.endswith("_pipe"):
             raise InputError(
-                f"{path} is one image, not a video, or an animated WebP, which FFmpeg cannot read: write it "
-                "as APNG; for images give the folder that holds them"
+                f"{path} is one image, not a video (or animated WebP, which FFmpeg cannot read: write it as "
+                "APNG); for images give the folder that holds them"
             )
         yield container
 
@@ -78,7 +78,12 @@ def film_stream(path: VideoPath, container: InputContainer, wanted: int | None =
     if len(films) > 1:
         moving = _moving(path, [s.index for s in films])
         films = [s for s in films if s.index in moving] or films
-    chosen = max(films, key=lambda s: (bool(s.disposition & Disposition.default), _area(s)))
+
+    def rank(film: VideoStream) -> tuple[bool, int]:
+        size = film.codec_context.width * film.codec_context.height if film.codec_context else 0
+        return bool(film.disposition & Disposition.default), size
+
+    chosen = max(films, key=rank)
     if chosen.codec_context is None:
         raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
     return chosen
@@ -94,10 +99,6 @@ def _moving(path: VideoPath, streams: Sequence[int]) -> list[int]:
             if min(counts.values()) > 1:
                 break
     return [stream for stream, count in counts.items() if count > 1]
-
-
-def _area(stream: VideoStream) -> int:
-    return stream.codec_context.width * stream.codec_context.height if stream.codec_context else 0
 
 
 def field_of_view_tag(path: VideoPath, container: InputContainer) -> float | None:

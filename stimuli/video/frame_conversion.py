@@ -8,6 +8,7 @@ white, not 22 %.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from fractions import Fraction
 from typing import TYPE_CHECKING, Any, cast
 
@@ -93,9 +94,17 @@ class ColourConverter:
         return upright(pixels, self.display_matrix(frame))
 
     def display_matrix(self, frame: VideoFrame) -> tuple[int, ...] | None:
-        """Return `display_matrix`, asked once of one video for each angle: it keeps its frame in memory."""
+        """Return how a picture is turned or mirrored to be seen, None if it is not.
+
+        It is asked once of one video for each angle: the answer keeps its frame in memory.
+        """
         if frame.rotation not in self._matrices:
-            self._matrices[frame.rotation] = display_matrix(frame)
+            self._matrices[frame.rotation] = None
+            with suppress(ValueError):  # PyAV does not know all kinds of side data, such as an image's EXIF
+                side = cast("SideData | None", frame.side_data.get("DISPLAYMATRIX"))
+                matrix = () if side is None else tuple(np.frombuffer(bytes(side), np.int32).tolist())
+                if matrix and not (matrix[1] == matrix[3] == 0 < min(matrix[0], matrix[4])):
+                    self._matrices[frame.rotation] = matrix
         return self._matrices[frame.rotation]
 
     def _shallow(self, frame: VideoFrame) -> NDArray[Any]:
@@ -144,10 +153,7 @@ class ColourConverter:
 
 
 def _with_whole_chroma(frame: VideoFrame) -> VideoFrame:
-    """Return a frame whose last row and column are repeated where samples of chroma stand for more pixels.
-
-    FFmpeg's conversion would stretch the chroma over those that are there.
-    """
+    """Repeat the last row and column where chroma stands for more pixels: FFmpeg would stretch it."""
     form = frame.format
     across, down = (8 // form.chroma_width(8), 8 // form.chroma_height(8))
     width, height = frame.width + -frame.width % across, frame.height + -frame.height % down
@@ -159,16 +165,6 @@ def _with_whole_chroma(frame: VideoFrame) -> VideoFrame:
         rows, columns = (many - few for many, few in zip(new.shape, old.shape, strict=True))
         new[:] = np.pad(old, ((0, rows), (0, columns)), mode="edge")
     return larger
-
-
-def display_matrix(frame: VideoFrame) -> tuple[int, ...] | None:
-    """Return how a picture is turned or mirrored to be seen, None if it is not (FFmpeg's display matrix)."""
-    try:
-        side = cast("SideData | None", frame.side_data.get("DISPLAYMATRIX"))
-    except ValueError:  # PyAV does not know all kinds of side data, such as an image's EXIF
-        return None
-    matrix = None if side is None else tuple(np.frombuffer(bytes(side), np.int32).tolist())
-    return None if matrix is None or (matrix[1] == matrix[3] == 0 < min(matrix[0], matrix[4])) else matrix
 
 
 def upright(pixels: NDArray[Any], matrix: tuple[int, ...] | None) -> NDArray[Any]:

@@ -178,8 +178,7 @@ class VideoFile:
     def _sought(self, reader: FilmReader, first: int, seconds: float) -> Iterator[av.VideoFrame] | None:
         """Return the frames from one on, decoded from a key frame so long before it; None if it is not found.
 
-        It is found by its time stamp. A decoder passes over, or reports, what it cannot show without the
-        frames before the key frame: then the search begins earlier.
+        A decoder passes over, or reports, what it cannot show without the frames before the key frame.
         """
         assert self.stamps is not None
         wanted = int(self.stamps[first])
