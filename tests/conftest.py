@@ -9,12 +9,10 @@ import os
 import shutil
 import signal
 import subprocess
-import sys
 import time
 import types
 from collections.abc import Callable, Generator, Iterator
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -339,23 +337,6 @@ def command_line_put_together_once() -> Iterator[None]:
     """Let runs of `evenlight` in this process share its command line: to put it together takes 50 ms."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(typer.main, "get_command", functools.cache(typer.main.get_command))
-        yield
-
-
-@pytest.fixture(autouse=True, scope="session")
-def packages_read_once() -> Iterator[None]:
-    """Let runs of `evenlight` share what installed packages name: to read a hundred of them takes 6 ms.
-
-    For each list of folders that Python searches: packages that a test makes are in a folder of their own.
-    """
-    read = metadata.entry_points
-
-    @functools.cache
-    def entry_points(path: tuple[str, ...], **wanted: str) -> metadata.EntryPoints:
-        return read(**wanted)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(metadata, "entry_points", lambda **wanted: entry_points(tuple(sys.path), **wanted))
         yield
 
 
