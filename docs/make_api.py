@@ -112,7 +112,9 @@ def _signature(name: str, thing: Any) -> str:
     """Return the call with its arguments, without types: those stand in the docstring."""
     signature = inspect.signature(thing)
     plain = [p.replace(annotation=p.empty) for p in signature.parameters.values() if p.name != "self"]
-    text = name + str(signature.replace(parameters=plain, return_annotation=signature.empty))
+    text = name + str(signature.replace(parameters=plain, return_annotation=signature.empty)).replace(
+        "'", '"'
+    )
     if len(text) <= 100:
         return text
     arguments = str(signature.replace(parameters=plain, return_annotation=signature.empty))[1:-1]

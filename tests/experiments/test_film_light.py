@@ -34,14 +34,9 @@ def test_the_luminance_is_what_the_frame_emits_at_full_brightness_or_that_of_whi
     assert track.header.display is not None
     for modulated, luminance in (("frame_mean", [50.0, 60.0]), ("white_field", [104.4, 104.4])):
         loaded = LoadedTrack(track, 0.5, "test", modulated=modulated)
-        np.testing.assert_allclose(film_light(loaded, track.header.display).luminance, luminance)
-
-
-def test_frames_are_on_screen_when_the_file_says_by_whose_clock_players_tell_positions() -> None:
-    track = a_track()
-    assert track.header.display is not None
-    late = film_light(LoadedTrack(track, 0.5, "test"), track.header.display, begin=0.5)
-    np.testing.assert_allclose(late.times, 0.5 + np.asarray(track.times))
+        late = film_light(loaded, track.header.display, begin=0.5)  # on the clock of the file
+        np.testing.assert_allclose(late.luminance, luminance)
+        np.testing.assert_allclose(late.times, 0.5 + np.asarray(track.times))
 
 
 def test_the_rate_limit_is_the_one_of_the_track(tmp_path: Path) -> None:

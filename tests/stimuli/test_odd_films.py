@@ -11,7 +11,6 @@ from evenlight.stimuli.sequences import open_video
 
 
 def joined(folder: Path, overlap: int) -> tuple[Path, Path]:
-    """A film, and the same with its later half so many pictures too early."""
     parts = encoded(folder / "parts.mkv", "ffv1", g="1"), folder / "joined.mkv"
     copied(*parts, overlap=overlap)
     return parts
