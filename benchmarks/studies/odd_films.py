@@ -6,7 +6,6 @@ from pathlib import Path
 import av
 import numpy as np
 from av.video.frame import VideoFrame
-from optimized_videos import texture
 
 from evenlight.stimuli.sequences import open_video
 
@@ -15,7 +14,10 @@ N, SIZE = 20, (48, 32)
 
 def encoded(path: Path, codec: str, kind="yuv420p", size=SIZE, first=0, n=N, **options: str) -> Path:
     """A film of moving detail at 25 Hz, whose stamps begin at frame `first`."""
-    detail = np.rint(255 * texture(1, 64, 96)).astype(np.uint8)
+    high, wide = np.indices((64, 96))
+    detail = np.rint(127 + 60 * np.sin(wide / 7) * np.cos(high / 5) + 30 * np.sin(wide * high / 300)).astype(
+        np.uint8
+    )
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=25, options=options)
         stream.width, stream.height, stream.pix_fmt = *size, kind
