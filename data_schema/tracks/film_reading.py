@@ -51,7 +51,8 @@ class FilmReading:
     @property
     def notes(self) -> tuple[str, ...]:
         """What was not taken as it is in the file, in lines."""
-        if not self.frames_held + self.frames_skipped:
-            return ()
-        why = f": time stamps fall back by up to {self.fall_back:.3f} s" if self.fall_back else ", damaged"
-        return (f"{self.frames_held} frames held, {self.frames_skipped} skipped{why}",)
+        held = f"{self.frames_held} frames show the picture before" if self.frames_held else ""
+        skipped = f"{self.frames_skipped} pictures are left out" if self.frames_skipped else ""
+        told = ", ".join(filter(None, (held, skipped)))
+        why = f"time stamps fall back by up to {self.fall_back:.3f} s" if self.fall_back else "damaged"
+        return (f"{told}: {why}",) if told else ()

@@ -20,7 +20,7 @@ def test_of_cuts_that_overlap_the_later_is_seen_and_it_is_said(tmp_path):
     parts, film = joined(tmp_path, 2)
     np.testing.assert_allclose(times(film), np.arange(N - 2) / 25, atol=1e-9)
     np.testing.assert_array_equal(pictures(film), np.delete(pictures(parts), (8, 9), axis=0))
-    assert "2 skipped: time stamps fall back by up to 0.040 s" in open_video(film).notes[0]
+    assert "2 pictures are left out: time stamps fall back by up to 0.040 s" in open_video(film).notes[0]
 
 
 def test_stamps_that_begin_anew_are_refused(tmp_path):
