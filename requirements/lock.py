@@ -13,7 +13,8 @@ from pathlib import Path
 
 FOLDER = Path(__file__).parent
 PROJECT = ("pyproject.toml",)
-# What a file is of, and the files whose lines it leaves out. The first builds what has no wheel.
+# What a file is of, and the files whose lines it leaves out. The first installs the others, and builds what
+# has no wheel; a pip from 24.1 to 25.3 fails where PsychoPy asks for macOS 20 on Linux 6.1.0-13-amd64.
 FILES = {
     "build": ((), ()),
     "base": (PROJECT, ("build",)),
@@ -28,7 +29,12 @@ def locked(asked: tuple[str, ...]) -> list[str]:
     command = ["uv", "pip", "compile", "-", *asked, "--constraints", "constraints.txt", "--universal"]
     command += ["--python-version", "3.11", "--generate-hashes", "--no-header", "--no-annotate", "--quiet"]
     found = subprocess.run(
-        command, cwd=FOLDER.parent, input="setuptools>=77", capture_output=True, text=True, check=True
+        command,
+        cwd=FOLDER.parent,
+        input="pip>=26\nsetuptools>=77",
+        capture_output=True,
+        text=True,
+        check=True,
     )
     return re.split(r"^(?=\w)", found.stdout, flags=re.MULTILINE)[1:]
 
