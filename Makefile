@@ -1,5 +1,5 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
-.PHONY: setup lab demo test test-fast test-docs test-realtime test-headset studies check format docs benchmarks FORCE
+.PHONY: setup lab demo test test-fast test-docs test-realtime test-videos test-headset studies check format docs benchmarks FORCE
 
 BIN := .venv/bin
 # Where .venv was set up and works no more (its Python was replaced, the folder moved), all marks are out of date.
@@ -25,11 +25,11 @@ demo: setup
 
 # The tests start a hundred processes: those find modules compiled, also where the environment asks for no cache.
 test: .venv/.test-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "not real_time and not every_page and not study"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "not real_time and not every_page and not study and not odd_films"
 
 # Without windows, PsychoPy, shaders, baked light and simulated studies; it needs no `make lab`.
 test-fast: .venv/.dev-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow and not real_time and not every_page and not study"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 -m "not slow and not real_time and not every_page and not study and not odd_films"
 
 # Every command of every page and help; `make test` runs those of the README and of the first hour, and parses all.
 test-docs: .venv/.test-ready
@@ -39,6 +39,10 @@ test-docs: .venv/.test-ready
 # nothing else.
 test-realtime: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 1 -m real_time
+
+# Films of every kind and fault, made with FFmpeg: two minutes.
+test-videos: .venv/.test-ready
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --dist load tests/stimuli/test_odd_films.py
 
 # Simulate, fit, recover: data sets enough to see a bias of some percent. `make test` has a small case of each.
 # And claims on any input, with other inputs each time: `make test` has the same in each run.

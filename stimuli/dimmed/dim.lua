@@ -3,6 +3,7 @@
 -- takes the scale from a texture of one pixel, so that nothing is compiled again when it changes.
 
 local DURATION, FRAME = @DURATION@, @FRAME@ -- [s] of the video, and of one of its frames
+local STREAM = @STREAM@ -- of the file, as FFmpeg counts them; nil if it has one video only
 local TRACK = [[
 @TRACK@
 ]] -- on each line, from which time on [s] which scale holds
@@ -93,6 +94,12 @@ local function stop()
     if current then use(nil) end
 end
 
+local function choose()
+    for _, track in ipairs(mp.get_property_native("track-list")) do
+        if track.type == "video" and track["ff-index"] == STREAM then mp.set_property("vid", track.id) end
+    end
+end
+
 local function begin()
     local reason = refusal()
     dimming = not reason
@@ -108,6 +115,7 @@ local function begin()
     said = reason
 end
 
+mp.register_event("file-loaded", choose)
 mp.register_event("file-loaded", begin)
 mp.register_event("playback-restart", begin)
 mp.register_event("end-file", stop)

@@ -105,14 +105,13 @@ def _film_of(track: ExportedTrack) -> FilmReading:
 def ffmpeg_script(track: ExportedTrack) -> str:
     """Return a filter script: `ffmpeg -filter_complex_script FILE`.
 
-    The clock is the file's, which FFmpeg begins at 0. A command holds from the middle between two frames on.
+    The clock is the file's, which FFmpeg begins at 0. A command holds from half a frame before its frame on.
     """
-    stretches, times = stretches_of(track), track.times
-    begin = _film_of(track).picture_start
-    commands = [
-        f"{begin + (times[first - 1] + times[first]) / 2:.6f} blend@dim all_opacity {scale:.7f}"
-        for first, _, scale in stretches[1:]
-    ]
+    stretches, film = stretches_of(track), _film_of(track)
+    # Not from the middle between two frames of the track: of a damaged film, FFmpeg shows more.
+    begin = film.picture_start - float(min(np.diff(track.times), default=0.0)) / 2
+    commands = [f"{begin + track.times[k]:.6f} blend@dim all_opacity {s:.7f}" for k, _, s in stretches[1:]]
+    stream = "" if film.stream is None else f"[0:{film.stream}]"
     lists = [
         "sendcmd=c='" + ";\n".join(commands[k : k + COMMANDS_AT_ONCE]) + "',"
         for k in range(0, len(commands), COMMANDS_AT_ONCE)
@@ -123,7 +122,7 @@ def ffmpeg_script(track: ExportedTrack) -> str:
     words = "".join(letter if letter.isalnum() or letter in " .,()-_" else "_" for letter in said)
     return "\n".join(
         [
-            f"sendcmd=c='# {words}",
+            f"{stream}sendcmd=c='# {words}",
             "# ffmpeg -i VIDEO -filter_complex_script FILE -acodec copy -pix_fmt yuv420p OUT",
             "# In FFmpeg 7 and later, -/filter_complex FILE. For whole videos in SDR, by their own clock.",
             "# Luma above white is cut off, colours above white are not.",
@@ -151,6 +150,7 @@ def mpv_script(track: ExportedTrack) -> str:
         ("GAMMA", f"{track.gamma:g}"),
         ("DURATION", f"{max(duration, film.file_duration or 0.0):.6f}"),
         ("FRAME", f"{frame:.6f}"),
+        ("STREAM", "nil" if film.stream is None else str(film.stream)),
         ("TRACK", "\n".join(lines)),
     ):
         script = script.replace(f"@{name}@", text)

@@ -164,10 +164,8 @@ class FilmReader:
     def _decoded(self, packet: Packet[VideoStream]) -> list[VideoFrame]:
         pictures: list[VideoFrame] = []
         why: str | None = "its packet is cut off or damaged"
-        broken = packet.size and (
-            (self._has_checksums and not self._holds) or _is_cut(packet, self.decoder.name)
-        )
-        if self._refuses or not broken:  # it is refused as packets are read
+        broken = (self._has_checksums and not self._holds) or _is_cut(packet, self.decoder.name)
+        if self._refuses or not (packet.size and broken):  # it is refused as packets are read
             try:
                 pictures, why = self.decoder.decode(packet), "the decoder marks it"
             except FFmpegError as error:
@@ -304,10 +302,8 @@ def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:
         )
     timeline = frame_times(mended, tick, last, reader._rates)
     first = float(mended[0] * tick)
-    end, promised = (
-        first + timeline.times[-1] + timeline.durations[-1],
-        promised_end(reader.container, reader.stream),
-    )
+    end = first + timeline.times[-1] + timeline.durations[-1]
+    promised = promised_end(reader.container, reader.stream)
     most = 0.75 * float(np.median(timeline.durations)) + float(tick)
     if promised - end > most and reader._refuses:
         raise InputError(

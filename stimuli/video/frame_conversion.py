@@ -111,6 +111,10 @@ class ColourConverter:
         packed = "rgb24" if frame.format.is_rgb else "gbrp"  # to planes is 3 times as fast, and as exact
         target = "rgba" if _has_alpha(frame.format) else packed
         pixels: NDArray[Any] = self._reformat(frame, target).to_ndarray()
+        for k, channel in enumerate(frame.format.components if frame.format.is_rgb else ()):
+            if channel.bits < 8:  # FFmpeg repeats bits, or takes 252 for the white of 3 bits
+                top = 2**channel.bits - 1
+                pixels[..., k] = np.rint((pixels[..., k] >> 8 - channel.bits) * (255 / top))
         return _over_black(pixels) if target == "rgba" else pixels
 
     def _deep(self, frame: VideoFrame, depth: int) -> NDArray[Any]:

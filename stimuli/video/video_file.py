@@ -180,7 +180,8 @@ class VideoFile:
 
         A decoder passes over, or reports, what it cannot show without the frames before the key frame.
         """
-        assert self.stamps is not None
+        if self.stamps is None or reader.decoder.pix_fmt == "pal8":  # its palette comes once, with the first
+            return None
         wanted = int(self.stamps[first])
         try:
             back = 0 if reader.stream.time_base is None else round(seconds / reader.stream.time_base)
