@@ -7,6 +7,7 @@ nor their order changes a result. Workers must have this software: each task loo
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import importlib
 import logging
@@ -47,7 +48,7 @@ REMEDY = "install the same versions on all workers"
 GONE = "the scheduler of the workers has gone; start it, and run this again: what is done stays done"
 HELP = (
     "Where to compute, with Dask: local (a process for each core) or local:N, the address of a scheduler "
-    "(tcp://HOST:PORT), or a name from clusters.toml (docs/scale.md)."
+    "(tcp://HOST:PORT), or a name from your clusters.toml (docs/scale.md)."
 )
 cluster_option = computation(
     "--cluster", metavar="NAME|ADDRESS", help=HELP, autocompletion=words_and_files(LOCAL)
@@ -228,7 +229,7 @@ def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
     name : str
         What `--cluster` says.
     quiet : bool
-        Whether not to say where the workers and Dask's dashboard are.
+        Whether not to say how many workers there are, and where the dashboard of a cluster elsewhere is.
 
     Raises
     ------
@@ -236,6 +237,7 @@ def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
         If Dask is not installed, there is no such cluster, or its workers have other software.
     """
     try:
+        import cryptography  # noqa: F401 - a local cluster's certificate is made with it
         import distributed
     except ImportError:
         raise InputError(
@@ -250,7 +252,8 @@ def opened_cluster(name: str, quiet: bool) -> Iterator[Workers]:
             count = len(client.nthreads())
         if not quiet:
             noun = "worker" if count == 1 else "workers"
-            print(f"evenlight: {count} {noun}; Dask's dashboard: {client.dashboard_link}", file=sys.stderr)
+            shown = "" if _is_local(name) else f"; Dask's dashboard: {client.dashboard_link}"
+            print(f"evenlight: {count} {noun}{shown}", file=sys.stderr)
         yield workers
 
 
@@ -267,34 +270,42 @@ def opened_map(cluster: str | None, quiet: bool) -> Iterator[Callable[..., Itera
 def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
     import dask
 
-    kept = {
+    kept: dict[str, Any] = {
         "distributed.scheduler.allowed-failures": RETRIES,
         "distributed.deploy.lost-worker-timeout": LOST,
         "distributed.worker.profile.enabled": False,  # its samples of an hour take more memory than the work
     }
+    if _is_local(name):  # what other users of this computer could ask
+        kept |= {"distributed.scheduler.http.routes": [], "distributed.worker.http.routes": []}
     stack.enter_context(dask.config.set(kept))
     for logger in list(logging.root.manager.loggerDict):
         if logger.partition(".")[0] == "distributed":
             logging.getLogger(logger).setLevel(logging.CRITICAL)  # what fails is told as a result
     if "://" in name:
         try:
-            _require_answer(name)
+            _require_answer(name, distributed)
             return distributed.Client(name, timeout=WAIT, set_as_default=False)
-        except (OSError, ValueError) as error:
+        except (OSError, ValueError, TypeError, RuntimeError) as error:  # the last two: TLS on one side alone
             raise InputError(
                 f"--cluster {name}: no scheduler answers there ({error}); start one with `dask scheduler`, "
-                "and workers with `dask worker ADDRESS`"
+                "and workers with `dask worker ADDRESS`; tls:// needs certificates (docs/scale.md)"
             ) from None
-    cluster = stack.enter_context(_local(name, distributed) if _is_local(name) else _named(name))
+    cluster = stack.enter_context(_local(name, distributed) if _is_local(name) else _named(name, distributed))
     return distributed.Client(cluster, set_as_default=False)
 
 
-def _require_answer(address: str) -> None:
-    """Raise an error if nobody listens at an address; Dask's client would try for long."""
+def _require_answer(address: str, distributed: Any) -> None:
+    """Raise an error if no Dask listens at an address; its client would try for long, and never let go."""
     parts = urlsplit(address)
     if parts.hostname is None or parts.port is None:
         raise ValueError("expected tcp://HOST:PORT")
     socket.create_connection((parts.hostname, parts.port), timeout=10).close()
+
+    async def connect() -> None:
+        own = distributed.Security().get_connection_args("client")
+        (await distributed.comm.connect(address, timeout=10, **own)).abort()
+
+    asyncio.run(connect())
 
 
 def _is_local(name: str) -> bool:
@@ -302,7 +313,10 @@ def _is_local(name: str) -> bool:
 
 
 def _local(name: str, distributed: Any) -> Any:
-    """Return a process for each core of this computer, or so many; memory is shared out among them."""
+    """Return a process for each core of this computer, or so many; memory is shared out among them.
+
+    They know each other by a certificate that is made for them: any user of the computer finds their ports.
+    """
     _, colon, words = name.partition(":")
     if colon and not (words.isdecimal() and 1 <= int(words) <= 1024):
         raise InputError(
@@ -312,7 +326,9 @@ def _local(name: str, distributed: Any) -> Any:
         n_workers=int(words) if colon else AnalysisEffort(jobs=0).threads,
         threads_per_worker=1,
         host="127.0.0.1",
+        security=distributed.Security.temporary(),
         dashboard_address="127.0.0.1:0",
+        scheduler_kwargs={"dashboard": False},
         silence_logs=logging.CRITICAL,
         preload=[__name__],
     )
@@ -323,34 +339,38 @@ def dask_setup(worker: object) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
 
-def _named(name: str) -> Any:
+def _named(name: str, distributed: Any) -> Any:
     """Return the cluster that a table of `clusters.toml` describes: a class of another package, with options.
 
-    The file is looked for in the current folder, and in the user's (`~/.config/evenlight`).
+    The file is the user's own, or is named: one that lies about in a folder of somebody else is not read.
     """
     config = Path(os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config") / "evenlight"
-    files = [file for file in (Path(CLUSTERS), config / CLUSTERS) if file.is_file()]
-    where = f"--cluster {name}"
-    if not files:
+    named, _, table_name = name.rpartition(":")
+    file, where = Path(named) if named else config / CLUSTERS, f"--cluster {name}"
+    if not file.is_file():
         raise InputError(
-            f"{where}: expected local, tcp://HOST:PORT, or a name from {CLUSTERS}, which is not here"
+            f"{where}: expected local, tcp://HOST:PORT, a name from {config / CLUSTERS}, which is not there, "
+            "or FILE.toml:NAME"
         )
-    tables = read_toml(files[0], "tables of clusters")
-    table = tables.get(name)
+    tables = read_toml(file, "tables of clusters")
+    table = tables.get(table_name)
     if not isinstance(table, dict):
-        raise InputError(f"{where}: {files[0]} describes {', '.join(tables) or 'none'}")
+        raise InputError(f"{where}: {file} describes {', '.join(tables) or 'none'}")
     unknown = set(table) - {"class", "workers", "options"}
     module, dot, kind = str(table.get("class", "")).rpartition(".")
     if unknown or not dot or not isinstance(table.get("options", {}), dict):
         raise InputError(
-            f'{files[0]}: [{name}] needs class = "package.Class"; it may have workers = N and options'
+            f'{file}: [{table_name}] needs class = "package.Class"; it may have workers = N and options'
         )
     try:
-        cluster = getattr(importlib.import_module(module), kind)(**table.get("options", {}))
+        found = getattr(importlib.import_module(module), kind)
+        if not (isinstance(found, type) and issubclass(found, distributed.deploy.Cluster)):
+            raise TypeError(f"{module}.{kind} is no class of Dask's clusters")
+        cluster = found(**table.get("options", {}))
         if "workers" in table:
             cluster.scale(table["workers"])
     except Exception as error:  # another package's: whatever it says of its options
-        raise InputError(f"{files[0]}: [{name}] gave {type(error).__name__}: {error}") from error
+        raise InputError(f"{file}: [{table_name}] gave {type(error).__name__}: {error}") from error
     return cluster
 
 

@@ -1,8 +1,14 @@
 """What `--cluster` may name, and what is said of clusters that cannot be used."""
 
+import asyncio
+import itertools
 import math
 import sys
+import urllib.error
+import urllib.request
+from pathlib import Path
 
+import distributed.comm
 import pytest
 from catalogues import cluster_here
 
@@ -59,7 +65,8 @@ def test_the_dashboard_is_told_unless_quiet(address, capsys):
         ("local:two", "expected local, or local:N"),
         ("tcp://127.0.0.1:9", "no scheduler answers there"),
         ("tcp://127.0.0.1", "expected tcp://HOST:PORT"),
-        ("night", "expected local, tcp://HOST:PORT, or a name from clusters.toml"),
+        ("night", "expected local, tcp://HOST:PORT, a name from "),
+        ("lost.toml:night", "which is not there, or FILE.toml:NAME"),
     ],
 )
 def test_a_cluster_that_is_none_is_refused_in_one_line(name, words, tmp_path, monkeypatch):
@@ -69,6 +76,44 @@ def test_a_cluster_that_is_none_is_refused_in_one_line(name, words, tmp_path, mo
         use(name)
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+async def asked(port, stranger):
+    """What a process of Dask says of itself to one who has another certificate, or none."""
+    given = {"protocol": "tls", **stranger.get_connection_args("client")} if stranger else {"protocol": "tcp"}
+    line = await distributed.comm.connect(f"{given.pop('protocol')}://127.0.0.1:{port}", timeout=20, **given)
+    try:
+        await line.write({"op": "identity", "reply": True})
+        return await line.read()
+    finally:
+        line.abort()
+
+
+def test_no_other_user_of_the_computer_gets_an_answer(capsys):
+    with cluster.opened_cluster("local:1", quiet=False) as workers:
+        held = workers.client.cluster
+        (there,) = workers.client.run(
+            lambda dask_worker: [dask_worker.port, dask_worker.http_server.port]
+        ).values()
+        nannies = [nanny.port for nanny in held.workers.values()]
+        assert asyncio.run(asked(held.scheduler.port, held.security))["type"] == "Scheduler"
+        for port, stranger in itertools.product(
+            [held.scheduler.port, there[0], *nannies], [None, distributed.Security.temporary()]
+        ):
+            with pytest.raises(OSError, match=r"reset|closed|certificate"):
+                asyncio.run(asked(port, stranger))
+        for port, page in itertools.product(
+            [held.scheduler.http_server.port, there[1]],
+            ["status", "info/main/workers.html", "json/identity.json", "metrics", "health", "sysmon"],
+        ):
+            with pytest.raises(urllib.error.HTTPError, match="404"):
+                urllib.request.urlopen(f"http://127.0.0.1:{port}/{page}", timeout=20)
+    assert capsys.readouterr().err == "evenlight: 1 worker\n"
+
+
+def test_tls_without_a_certificate_is_refused_in_one_line(address):
+    with pytest.raises(InputError, match=r"no scheduler answers.*needs certificates"):
+        use(address.replace("tcp", "tls"))
 
 
 def test_without_dask_one_line_says_how_to_get_it(monkeypatch, command, tmp_path):
@@ -102,13 +147,23 @@ def test_a_worker_that_comes_later_is_looked_at_too():
 
 def test_a_name_of_clusters_toml_is_a_class_of_another_package(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "clusters.toml").write_text(
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    own = tmp_path / "config/evenlight/clusters.toml"
+    own.parent.mkdir(parents=True)
+    Path("clusters.toml").write_text(
+        '[night]\nclass = "subprocess.Popen"\n[night.options]\nargs = ["touch", "it-ran"]\n'
+    )
+    for name, words in {"night": "which is not there", "./clusters.toml:night": "no class of Dask's"}.items():
+        with pytest.raises(InputError, match=words):
+            use(name)
+    assert not Path("it-ran").exists()
+    own.write_text(
         '[night]\nclass = "distributed.LocalCluster"\nworkers = 1\n'
         '[night.options]\nn_workers = 0\nprocesses = false\nprotocol = "tcp"\nhost = "127.0.0.1"\n'
         'dashboard_address = "127.0.0.1:0"\n'
         '[wrong]\nclass = "distributed.NoCluster"\n[bad]\nkind = "x"\n'
     )
-    assert use("night") == [1, 1, 2, 6, 24]
+    assert use("night") == use("config/evenlight/clusters.toml:night") == [1, 1, 2, 6, 24]
     for name, words in {
         "wrong": r"\[wrong\] gave AttributeError",
         "bad": r"\[bad\] needs class",
