@@ -6,7 +6,7 @@ import threading
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from av.video.reformatter import ColorRange
+from av.video.reformatter import ColorRange, VideoReformatter
 from numpy.typing import NDArray
 
 from evenlight.data_schema.contrast_model import PixelToLuminance
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 _PLANAR = tuple(f"yuv{full}{kind}p" for full in ("", "j") for kind in ("420", "422", "444"))
 _AMID = ((True, False), (True, True), (False, False), (False, True))  # MPEG-2 and later; JPEG; the others
+_ROWS = 16  # of the noise: rows lie to chroma as those before
 _LINEAR = Display("linear", peak_luminance=1.0, black_level=0.0, gamma=1.0, pixels_per_degree=60.0)
 
 
@@ -54,7 +55,6 @@ class PixelReader:
     ) -> None:
         self._convert = ColourConverter(pixel_aspect)
         self._one_at_a_time = threading.Lock()  # the converter keeps its tables
-        self._is_square = pixel_aspect == SQUARE
         self._amid = {} if amid is None else amid
 
     def pixels(self, frame: VideoFrame) -> Pixels:
@@ -62,9 +62,7 @@ class PixelReader:
 
         Nothing else may write to the frame any more.
         """
-        if not (
-            self._is_square and frame.format.name in _PLANAR and self._convert.display_matrix(frame) is None
-        ):
+        if frame.format.name not in _PLANAR or self._convert.display_matrix(frame) is not None:
             return self._rgb(frame)
         require_gamma_encoded(frame)
         complete_tags(frame)
@@ -83,27 +81,25 @@ class PixelReader:
             return self._convert.rgb(frame)
 
     def _planes(self, frame: VideoFrame, amid: tuple[bool, bool]) -> LumaChroma:
-        luma, blue, red = planes_of(frame)
+        width, height = self._convert.shown_size(frame)
+        with self._one_at_a_time:
+            luma, blue, red = planes_of(self._convert.with_square_pixels(frame))
+        planes = luma[:height, :width], blue, red
         full = frame.color_range == ColorRange.JPEG
-        weights = LUMA_WEIGHTS[frame.colorspace]
-        return LumaChroma((luma, blue, red), weights, full, amid, lambda: self._rgb(frame))
+        return LumaChroma(planes, LUMA_WEIGHTS[frame.colorspace], full, amid, lambda: self._rgb(frame))
 
     def _amid_for(self, frame: VideoFrame) -> tuple[bool, bool] | None:
         """Return where FFmpeg takes chroma of such frames to lie; None if planes do not give its light."""
-        frame.make_writable()
-        planes = planes_of(frame)
-        kept = [plane.copy() for plane in planes]
+        rows = _ROWS + frame.height % 2
+        noise = VideoReformatter().reformat(frame, height=rows + 2 * (rows == frame.height))  # with its tags
+        noise.make_writable()
         rng = np.random.default_rng(0)
-        try:
-            for plane in planes:
-                # Farther from gray, FFmpeg's whole numbers overflow in pixels brighter than white.
-                plane[:] = rng.integers(48, 208, plane.shape, dtype=np.uint8)
-            light = FrameLight(_LINEAR, PixelToLuminance.LINEAR_FIRST)
-            expected = light.luminance(self._rgb(frame))
-            for amid in _AMID:
-                if np.array_equal(light.luminance(self._planes(frame, amid)), expected):
-                    return amid
-            return None
-        finally:
-            for plane, content in zip(planes, kept, strict=True):
-                plane[:] = content
+        for plane in planes_of(noise):
+            # Farther from gray, FFmpeg's whole numbers overflow in pixels brighter than white.
+            plane[:] = rng.integers(48, 208, plane.shape, dtype=np.uint8)
+        light = FrameLight(_LINEAR, PixelToLuminance.LINEAR_FIRST)
+        expected = light.luminance(self._rgb(noise))
+        for amid in _AMID:
+            if np.array_equal(light.luminance(self._planes(noise, amid)), expected):
+                return amid
+        return None

@@ -35,8 +35,7 @@ class FilmBytes(AbstractContextManager["FilmBytes"]):
     """
 
     def __init__(self, path: VideoPath) -> None:
-        # FFmpeg looks at the ending; beside a local playlist it finds what this names.
-        self.name = f"file:{path}" if isinstance(path, Path) else PurePosixPath(str(path)).name
+        self.name = PurePosixPath(str(path)).name  # FFmpeg looks at the ending
         self._path, self._place = path, 0
         self._hash, self._hashed = hashlib.sha256(), 0
         with told_in_one_line(str(path)):

@@ -15,25 +15,33 @@ from av.stream import Disposition
 from evenlight.data_schema.errors import InputError
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.film_bytes import FilmBytes
-from evenlight.stimuli.video.video_locations import RemoteFile, VideoPath
+from evenlight.stimuli.video.video_locations import VideoPath
 
 if TYPE_CHECKING:
     from av.container import InputContainer
     from av.video.stream import VideoStream
 
 SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
-ALONE = {"protocol_whitelist": "none"}  # a file from elsewhere opens no other, as playlists do
+ALONE = {"protocol_whitelist": "none"}  # a file opens no other, as playlists do: its SHA-256 is of all
 FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 COVER = Disposition.attached_pic | Disposition.still_image | Disposition.timed_thumbnails
 
 
 @contextmanager
 def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Iterator[InputContainer]:
-    """Yield an open container of a video, which is closed at the end; read from `content` if that is open."""
+    """Yield an open container of a video, which is closed at the end; read from `content` if that is open.
+
+    All bytes come through `FilmBytes`.
+    """
     with ExitStack() as stack:
-        if content is None and isinstance(path, RemoteFile):
-            content = stack.enter_context(FilmBytes(path))
-        container = stack.enter_context(_container(path, content))
+        content = content or stack.enter_context(FilmBytes(path))
+        try:
+            container = stack.enter_context(av.open(content, "r", options=ALONE))
+        except (FFmpegError, UnicodeError) as error:
+            raise InputError(
+                f"FFmpeg finds no video in {path} (not a video, a list of others, damaged or cut off); "
+                f"{SUPPORTED}"
+            ) from error
         names = container.format.name.split(",")
         # `tty` draws text files as terminal screens.
         if "tty" in names or all(s.disposition & Disposition.attached_pic for s in container.streams.video):
@@ -44,18 +52,6 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
                 "APNG); for images give the folder that holds them"
             )
         yield container
-
-
-def _container(path: VideoPath, content: FilmBytes | None) -> InputContainer:
-    """Open a container; the protocol before the path keeps FFmpeg from seeing one in its name."""
-    try:
-        if content is None:
-            return av.open(f"file:{path}")
-        return av.open(content, "r", options=ALONE if isinstance(path, RemoteFile) else {})
-    except (FFmpegError, UnicodeError) as error:
-        raise InputError(
-            f"FFmpeg finds no video in {path} (not a video, or damaged, or cut off); {SUPPORTED}"
-        ) from error
 
 
 def film_stream(path: VideoPath, container: InputContainer, wanted: int | None = None) -> VideoStream:

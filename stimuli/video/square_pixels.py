@@ -6,12 +6,7 @@ The model, the window and all files written know square pixels only (docs/decisi
 from __future__ import annotations
 
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-from av.video.frame import VideoFrame
-from av.video.reformatter import Interpolation, VideoReformatter
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING
 
 from evenlight.data_schema.errors import InputError
 
@@ -24,7 +19,6 @@ if TYPE_CHECKING:
 SQUARE = Fraction(1)
 NEARLY = Fraction(1, 100)  # below it is the rounding of a picture's size to whole pixels (1216:1215)
 LONGEST = 4  # half of a 16:9 picture's width in PAL is 128:45, the longest pixel of any format in use
-CUBIC = Interpolation.BICUBIC | Interpolation.ACCURATE_RND
 
 
 def pixel_aspect_of(path: VideoPath, stream: VideoStream) -> Fraction:
@@ -61,34 +55,11 @@ def in_words(aspect: Fraction) -> str:
 def square_size(width: int, height: int, aspect: Fraction) -> tuple[int, int]:
     """Return width and height in square pixels: the shorter side of a pixel decides, so that none is lost.
 
+    What is stretched becomes even, as a sample of chroma mostly stands for two pixels.
+
     >>> square_size(720, 576, Fraction(64, 45)), square_size(720, 480, Fraction(8, 9))
     ((1024, 576), (720, 540))
     """
-    return (round(width * aspect), height) if aspect > 1 else (width, round(height / aspect))
-
-
-def with_square_pixels(pixels: NDArray[Any], aspect: Fraction, reformatter: VideoReformatter) -> NDArray[Any]:
-    """Return R, G, B of a picture in square pixels, interpolated by cubics.
-
-    Parameters
-    ----------
-    pixels : array of uint8 or uint16, (height, width, 3)
-        Of the picture, one value for each of its pixels.
-    aspect : Fraction
-        Width of these pixels over their height.
-    reformatter : VideoReformatter
-        Keeps FFmpeg's tables from picture to picture.
-    """
-    width, height = square_size(pixels.shape[1], pixels.shape[0], aspect)
-    # One channel at a time: FFmpeg takes R, G, B by way of Y, Cb, Cr, and white would no longer be white.
-    gray = "gray" if pixels.dtype == np.uint8 else "gray16le"
-    channels = [
-        reformatter.reformat(
-            VideoFrame.from_ndarray(np.ascontiguousarray(pixels[..., channel]), gray),
-            width=width,
-            height=height,
-            interpolation=CUBIC,
-        ).to_ndarray()
-        for channel in range(3)
-    ]
-    return np.stack(channels, axis=-1)
+    if aspect == SQUARE:
+        return width, height
+    return (2 * round(width * aspect / 2), height) if aspect > 1 else (width, 2 * round(height / aspect / 2))

@@ -146,17 +146,24 @@ def test_finding_out_leaves_the_picture_as_it_was():
         np.testing.assert_array_equal(shown, kept)
 
 
-@pytest.mark.parametrize(("pixel_format", "aspect", "size"), [
-    ("yuv420p10le", 1, (32, 24)), ("yuva420p", 1, (32, 24)), ("gbrp", 1, (32, 24)), ("gray", 1, (32, 24)),
-    ("yuv420p", Fraction(4, 3), (32, 24)), ("yuv411p", 1, (32, 24)),
-])  # fmt: skip
-def test_all_else_comes_as_rgb(pixel_format, aspect, size):
-    frame = VideoFrame(*size, pixel_format)
+@pytest.mark.parametrize("aspect", [Fraction(64, 45), Fraction(8, 9), Fraction(32, 27)])
+@pytest.mark.parametrize("size", [(36, 24), (31, 23)])
+@pytest.mark.parametrize("pixel_format", ["yuv420p", "yuv422p", "yuv444p"])
+def test_pixels_that_are_no_squares_come_as_planes_too_with_the_light_of_rgb(pixel_format, size, aspect):
+    frame = textured(pixel_format, size)
+    pixels, rgb = PixelReader(aspect).pixels(frame), ColourConverter(aspect).rgb(frame)
+    assert isinstance(pixels, LumaChroma)
+    assert pixels.shape == rgb.shape
+    np.testing.assert_array_equal(light().luminance(pixels), light().luminance(rgb))
+
+
+@pytest.mark.parametrize("pixel_format", ["yuv420p10le", "yuva420p", "gbrp", "gray", "yuv411p"])
+def test_all_else_comes_as_rgb(pixel_format):
+    frame = VideoFrame(32, 24, pixel_format)
     for plane in frame.planes:
         plane.update(np.random.default_rng(3).integers(0, 200, plane.buffer_size, dtype=np.uint8).tobytes())
-    aspect = Fraction(aspect)
-    pixels = PixelReader(aspect).pixels(frame)
-    np.testing.assert_array_equal(pixels, ColourConverter(aspect).rgb(frame))
+    pixels = PixelReader().pixels(frame)
+    np.testing.assert_array_equal(pixels, ColourConverter().rgb(frame))
 
 
 def test_curves_of_planes_are_those_of_rgb_byte_for_byte_with_any_number_of_jobs(tmp_path):

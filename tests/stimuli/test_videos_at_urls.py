@@ -443,11 +443,15 @@ def test_what_was_read_in_its_order_is_not_read_again_for_the_hash(some: Path, r
         assert sum(read) == len(CONTENT)
 
 
-def test_a_playlist_here_opens_what_it_names_beside_it(tmp_path: Path) -> None:
+@pytest.mark.parametrize("name", ["film.m3u8", "film.mp4"])
+def test_a_list_of_other_files_is_no_film_as_its_sha256_is_not_theirs(tmp_path: Path, name: str) -> None:
     noise_film(tmp_path / "part.ts", "mpeg2video")
     lines = ["#EXTM3U", "#EXT-X-TARGETDURATION:3", "#EXTINF:2.4,", "part.ts", "#EXT-X-ENDLIST"]
-    (tmp_path / "list.m3u8").write_text("\n".join(lines))
-    assert open_video_file(tmp_path / "list.m3u8").n_frames == 60
+    if name == "film.mp4":
+        lines = ["ffconcat version 1.0", "file part.ts"]
+    (tmp_path / name).write_text("\n".join(lines))
+    with pytest.raises(InputError, match=r"FFmpeg finds no video in .* a list of others"):
+        open_video_file(tmp_path / name)
 
 
 def test_a_file_that_shrinks_is_said_to_end(some: Path) -> None:
