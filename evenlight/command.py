@@ -35,6 +35,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
 from evenlight.data_schema.quantities import require_computable
+from evenlight.data_schema.storage.input_sizes import LARGE_OK
 from evenlight.experiments import new_command, play_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
 from evenlight.experiments.follow import follow_command
@@ -43,7 +44,7 @@ from evenlight.hardware.protocols import InstrumentError
 from evenlight.help_pages import HelpfulCommand, HelpfulGroup
 from evenlight.option_panels import GONE, RIGHT_NAMES, declared_by_name
 from evenlight.registered_tasks import load_tasks
-from evenlight.result_requests import kinds_in_file, problems_in, recorded, told_as_given
+from evenlight.result_requests import ANY_SIZE, kinds_in_file, problems_in, recorded, told_as_given
 from evenlight.stimuli import apply_command, track_command
 from evenlight.stimuli import commands as stimuli_commands
 
@@ -78,7 +79,7 @@ def start(
     Start with: evenlight demo --out demo
 
     `evenlight COMMAND --help` explains a command, and ends with two examples. With --quiet, commands
-    print only their results: no progress, no closing lines.
+    print only their results: no progress, no closing lines. With --large-ok, they read files of any size.
     """
     if version:
         import evenlight
@@ -188,10 +189,14 @@ def main(arguments: list[str] | None = None) -> None:
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a code page without "≤" or "λ", as on Windows
     progress.told_by_default, progress.begun = "--quiet" not in given, time.monotonic()
+    if ANY_SIZE in given:
+        os.environ[LARGE_OK] = "1"
     try:
         _refuse_empty(given)
         with _termination_raised():
-            code = app(arguments, prog_name="evenlight", standalone_mode=False)
+            code = app(
+                [word for word in given if word != ANY_SIZE], prog_name="evenlight", standalone_mode=False
+            )
             if sys.stdout is not None:
                 sys.stdout.flush()  # what cannot be written is told here, not at Python's end
     except InputError as error:

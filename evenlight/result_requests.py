@@ -25,6 +25,7 @@ from evenlight.option_panels import GONE, RIGHT_NAMES
 if TYPE_CHECKING:
     from evenlight.data_schema.result_request import ResultRequest
 
+ANY_SIZE = "--large-ok"  # of all commands: how large files may be that they read (docs/security.md)
 NOT_ASKED = ("request", "quiet")  # of no influence on a result
 
 
@@ -210,7 +211,7 @@ def told_as_given(error: InputError, context: typer.Context) -> str:
     def named(found: re.Match[str]) -> str:
         option = options.get(found[1])
         if option is None:
-            return found[0]
+            return ANY_SIZE if found[1] == "large_ok" else found[0]
         return str(option.name) if of_file and _is_of_file(option, context) else _option_of(option)
 
     problem = error.problem if isinstance(error, ArgumentError) and about is not None else str(error)

@@ -38,6 +38,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 from evenlight.data_schema.recordings.dataset_writing import MISSING
 from evenlight.data_schema.recordings.roll_call import call_roll, leads_out
 from evenlight.data_schema.recordings.session import SessionStatus
+from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.tables import csv_text
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json
 from evenlight.data_schema.storage.whole_files import is_partial, results_folder, write_whole
@@ -167,7 +168,8 @@ def copy_files(files: list[Path], dataset: Path, folder: Path) -> None:
             write_json(target, shared_descriptions(path))
         else:
             try:
-                write_whole(target, path.read_bytes())
+                with open_input(path, "a file of a data set") as stream:
+                    write_whole(target, stream.read())
             except OSError as error:
                 raise InputError(f"{path}: cannot be read ({error.strerror or error})") from error
 

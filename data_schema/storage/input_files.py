@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.input_sizes import require_size
 
 # Opening a pipe waits for its other end, but for this flag; Windows has neither the pipes nor the flag.
 _WITHOUT_WAITING = getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0) | getattr(os, "O_CLOEXEC", 0)
@@ -20,7 +21,7 @@ _KINDS = {
 }
 
 
-def open_input(path: Path, what: str) -> BinaryIO:
+def open_input(path: Path, what: str, most: int | None = None) -> BinaryIO:
     """Open a plain file to read its bytes.
 
     Parameters
@@ -29,11 +30,13 @@ def open_input(path: Path, what: str) -> BinaryIO:
         The file.
     what : str
         What is expected in it, for the error.
+    most : int, optional
+        How large it may be [bytes].
 
     Raises
     ------
     InputError
-        If there is none, it is something else than a plain file, or it cannot be opened.
+        If there is none, it is something else than a plain file, it is too large, or it cannot be opened.
     """
     try:
         handle = os.open(path, os.O_RDONLY | _WITHOUT_WAITING)
@@ -44,10 +47,16 @@ def open_input(path: Path, what: str) -> BinaryIO:
         raise InputError(f"{path}: {reason}; expected {what}") from error
     except ValueError as error:  # a null character, say
         raise InputError(f"{str(path)!r}: is no name of a file ({error}); expected {what}") from None
-    if not stat.S_ISREG(os.fstat(handle).st_mode):
-        os.close(handle)
-        raise InputError(f"{path}: {_kind_at(path) or 'is no file'}; expected {what}")
-    return os.fdopen(handle, "rb")
+    stream, found = os.fdopen(handle, "rb"), os.fstat(handle)
+    try:
+        if not stat.S_ISREG(found.st_mode):
+            raise InputError(f"{path}: {_kind_at(path) or 'is no file'}; expected {what}")
+        if most is not None:
+            require_size(found.st_size, most, path, "bytes")
+    except InputError:
+        stream.close()
+        raise
+    return stream
 
 
 def require_plain_file(path: Path, what: str) -> None:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar, cast
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import Place, mapping_from_record, record_from_mapping, words_of
 from evenlight.data_schema.storage.input_files import open_input
+from evenlight.data_schema.storage.input_sizes import MOST_BYTES
 from evenlight.data_schema.storage.whole_files import write_whole
 
 Record = TypeVar("Record")
@@ -28,7 +29,7 @@ def read_text(path: Path, what: str) -> str:
     A byte order mark, as editors of other systems leave it, is taken off.
     """
     try:
-        with io.TextIOWrapper(open_input(path, what), encoding="utf-8-sig") as stream:
+        with io.TextIOWrapper(open_input(path, what, MOST_BYTES), encoding="utf-8-sig") as stream:
             return stream.read()
     except UnicodeDecodeError:
         raise InputError(f"{path}: is not text; expected {what}") from None

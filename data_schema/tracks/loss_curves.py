@@ -28,6 +28,7 @@ from evenlight.data_schema.quantities import (
 )
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.input_files import open_input
+from evenlight.data_schema.storage.input_sizes import MOST_NUMBERS, require_array_sizes
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import ACTUATOR, LUMINANCE_SLACK, TrackHeader
 
@@ -176,10 +177,13 @@ def _npz_content(path: Path, names: Iterable[str]) -> tuple[CurvesHeader, dict[s
     stream = open_input(path, what)
     try:
         with stream, np.load(stream, allow_pickle=False) as content:
+            require_array_sizes(content, MOST_NUMBERS, path)
             header = json.loads(str(content["header"]))
             arrays = {name: content[name] for name in names}
     except KeyError as error:
         raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
+    except InputError:
+        raise
     except UNREADABLE as error:
         reason = str(error).partition("\n")[0] or type(error).__name__
         raise InputError(f"{path}: holds no loss curves ({reason}); expected {what}") from None

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.video.film_bytes import slices_intact
-from evenlight.stimuli.video.film_stream import film_stream, promised_end
+from evenlight.stimuli.video.film_stream import bounded_pictures, film_stream, promised_end
 from evenlight.stimuli.video.video_source import (
     ASSUMED_RATE,
     FrameTimes,
@@ -248,9 +248,8 @@ def _is_cut(packet: Packet[VideoStream], codec: str) -> bool:
 
 
 def prepare(decoder: VideoCodecContext) -> None:
-    """Make a decoder that is not yet open stop at the first error, checksums included."""
-    if decoder.name not in STRICT_ALREADY:
-        decoder.options = STRICT
+    """Make a decoder that is not yet open stop at the first error, checksums included, or a huge picture."""
+    decoder.options = bounded_pictures() | ({} if decoder.name in STRICT_ALREADY else STRICT)
 
 
 def _require_whole(reader: FilmReader) -> None:

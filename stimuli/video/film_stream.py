@@ -6,13 +6,14 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import av
 from av.error import FFmpegError
 from av.stream import Disposition
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, most_allowed, require_size
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.video_locations import VideoPath
@@ -23,8 +24,20 @@ if TYPE_CHECKING:
 
 SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
 ALONE = {"protocol_whitelist": "none"}  # a file opens no other, as playlists do: its SHA-256 is of all
+MOST_STREAMS = 32  # more are looked at without a limit to their pictures
 FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 COVER = Disposition.attached_pic | Disposition.still_image | Disposition.timed_thumbnails
+
+
+def bounded_pictures() -> dict[str, str]:
+    """Return the option with which FFmpeg's decoders refuse pictures that are too large."""
+    return {"max_pixels": str(min(most_allowed(MOST_PIXELS), 2**31 - 1))}
+
+
+def open_alone(content: FilmBytes) -> InputContainer:
+    """Open a container of pictures that are not too large, and no file that it names."""
+    bounds: Any = [bounded_pictures()] * MOST_STREAMS
+    return av.open(content, "r", options=ALONE, stream_options=bounds)
 
 
 @contextmanager
@@ -36,7 +49,7 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
     with ExitStack() as stack:
         content = content or stack.enter_context(FilmBytes(path))
         try:
-            container = stack.enter_context(av.open(content, "r", options=ALONE))
+            container = stack.enter_context(open_alone(content))
         except (FFmpegError, UnicodeError) as error:
             raise InputError(
                 f"FFmpeg finds no video in {path} (not a video, a list of others, damaged or cut off); "
@@ -82,6 +95,8 @@ def film_stream(path: VideoPath, container: InputContainer, wanted: int | None =
     chosen = max(films, key=rank)
     if chosen.codec_context is None:
         raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
+    size = chosen.codec_context
+    require_size(size.width * size.height, MOST_PIXELS, path, "pixels a frame")
     return chosen
 
 

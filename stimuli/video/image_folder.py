@@ -7,17 +7,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import av
 import numpy as np
-from av.error import FFmpegError
+from av.error import ArgumentError, FFmpegError
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
-from evenlight.data_schema.storage.input_files import open_input, require_plain_file
+from evenlight.data_schema.storage.input_files import open_input
+from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, require_array_size
 from evenlight.data_schema.tracks.loss_curves import UNREADABLE
+from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.film_reader import prepare
+from evenlight.stimuli.video.film_stream import open_alone
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 from evenlight.stimuli.video.video_locations import natural_order
 from evenlight.stimuli.video.video_source import rate_from_number
@@ -128,9 +130,8 @@ def open_image_folder(path: Path, frames_per_second: float | None = None) -> Ima
 
 
 def _read_image(file: Path) -> NDArray[Any]:
-    require_plain_file(file, "an image")
     try:
-        with av.open(f"file:{file}", options={"pattern_type": "none"}) as container:
+        with FilmBytes(file) as content, open_alone(content) as container:
             stream = container.streams.video[0]
             prepare(stream.codec_context)
             picture = next(container.decode(stream))
@@ -141,12 +142,16 @@ def _read_image(file: Path) -> NDArray[Any]:
         raise InputError(f"{file} holds {error}; convert it to 8 or 16 bits, gamma-encoded") from error
     except (FFmpegError, IndexError, StopIteration, UnicodeError) as error:
         reason = getattr(error, "strerror", None) or "it holds no image"
+        if isinstance(error, ArgumentError):
+            reason = f"it is no image, is damaged, or has more than {MOST_PIXELS} pixels (`large_ok`)"
         raise InputError(f"cannot read the image {file}: {reason}; replace this image") from error
 
 
 def _read_array(file: Path) -> NDArray[Any]:
     try:
         with open_input(file, "an array of pixel values") as stream:
+            require_array_size(stream, 3 * MOST_PIXELS, file)
+            stream.seek(0)
             pixels: NDArray[Any] = np.load(stream, allow_pickle=False)
     except InputError:
         raise

@@ -104,7 +104,7 @@ def test_text_is_read_and_written_in_a_named_encoding() -> None:
         for path, tree in modules_with(r"\b(open|read_text|write_text|TextIOWrapper)\(")
         for name, call in called(tree)
         if (name == "open" or name.endswith((".open", ".read_text", ".write_text", "TextIOWrapper")))
-        and not name.startswith(("os.", "av.", "Image.", "tomllib."))
+        and not name.startswith(("os.", "av.", "Image.", "tomllib.", "archive."))
         and not any(word.arg == "encoding" for word in call.keywords)
         and not any(isinstance(mode, ast.Constant) and "b" in str(mode.value) for mode in call.args)
     ]

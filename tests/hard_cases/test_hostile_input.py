@@ -5,21 +5,25 @@ import math
 import os
 import resource
 import signal
+import struct
 import subprocess
 import sys
 import typing
+import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from gltf_files import room
 
 from evenlight import command as command_line
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.recordings.dataset_writing import new_dataset
 from evenlight.data_schema.storage.append_log import mend_last_line
+from evenlight.data_schema.storage.input_sizes import LARGE_OK
 from evenlight.data_schema.storage.tables import number_in, plain_cell
 from evenlight.data_schema.storage.text_files import DEEPEST, read_text
 from evenlight.data_schema.storage.whole_files import recording_folder, results_folder
@@ -31,6 +35,8 @@ from evenlight.hardware.luminance_table import read_table
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.scenes.content.catalogue import path_named
+from evenlight.stimuli.scenes.gltf.gltf_file import read_gltf
+from evenlight.stimuli.scenes.gltf.gltf_scene import scene_from_gltf
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.typesetting import require_font
 from evenlight.stimuli.video.video_writer import write_video
@@ -163,15 +169,25 @@ READERS: dict[str, Callable[[Path], object]] = {
     "camera path": lambda path: path_named(str(path)),
     "video": lambda path: open_video(str(path)),
     "image": lambda path: list(open_video(str(path.parent)).frames()),
+    "gltf": read_gltf,
+    "buffer of glTF": lambda path: read_gltf(path.with_name("b.gltf")),
     "array": lambda path: list(open_video(str(path.parent)).frames()),
 }
-SUFFIXES = {"image": ".png", "array": ".npy", "camera path": ".json", "video": ".mkv"}
+SUFFIXES = {
+    "image": ".png",
+    "array": ".npy",
+    "gltf": ".gltf",
+    "buffer of glTF": ".bin",
+    "camera path": ".json",
+    "video": ".mkv",
+}
 
 
 @pytest.mark.parametrize("reader", READERS)
 def test_a_pipe_in_place_of_a_file_is_refused_at_once(tmp_path, reader) -> None:
     """Nobody ever writes into it: opening it to read would wait for ever."""
     path = tmp_path / f"pipe{SUFFIXES.get(reader, '.toml')}"
+    (tmp_path / "b.gltf").write_text('{"asset": {"version": "2.0"}, "buffers": [{"uri": "pipe.bin"}]}')
     os.mkfifo(path)
     with pytest.raises(InputError, match=r"is a pipe|is empty"):
         READERS[reader](path)
@@ -182,6 +198,81 @@ def test_devices_and_impossible_names_are_refused(tmp_path) -> None:
         read_text(Path("/dev/zero"), "text")
     with pytest.raises(InputError, match="is no name of a file"):
         read_text(Path("a\0b"), "text")
+
+
+def huge_png() -> bytes:
+    """9000 x 9000 pixels of a bit, all black, in 10 kB."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+    header = struct.pack(">IIBBBBB", 9000, 9000, 1, 0, 0, 0, 0)
+    rows = zlib.compress(bytes(9000 * (1 + 9000 // 8)))
+    return b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", rows) + chunk(b"IEND", b"")
+
+
+def huge_curves(path: Path) -> None:
+    np.savez_compressed(path, header=np.array("{}"), loss=np.zeros((1 << 21, 9), np.uint8))
+
+
+def huge_array(path: Path) -> None:
+    with path.open("wb") as stream:
+        header = {"descr": "<f8", "fortran_order": False, "shape": (9000, 9000, 3)}
+        np.lib.format.write_array_header_1_0(stream, header)
+
+
+def huge_texture(path: Path) -> None:
+    scene = room()
+    scene.add_texture(0, huge_png())
+    path.write_bytes(scene.content())
+
+
+def huge_meshes(path: Path) -> None:
+    """A thousand meshes that share their points."""
+    scene = room()
+    scene.header["accessors"][0]["count"] = 30_000
+    scene.header["meshes"] *= 1000
+    path.write_bytes(scene.content())
+
+
+PROMISES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object], str]] = {
+    "a.json": (lambda path: os.truncate(path, 1 << 40), lambda path: read_text(path, "text"), "bytes"),
+    "a.npz": (huge_curves, read_loss_curves, "numbers"),
+    "a.npy": (huge_array, lambda path: list(open_video(str(path.parent)).frames()), "numbers"),
+    "a.png": (
+        lambda path: path.write_bytes(huge_png()),
+        lambda path: list(open_video(str(path.parent)).frames()),
+        "pixels",
+    ),
+    "a.glb": (huge_texture, lambda path: scene_from_gltf(read_gltf(path)), "pixels in a texture"),
+    "b.glb": (huge_meshes, lambda path: scene_from_gltf(read_gltf(path)), "points and corners"),
+    "c.glb": (lambda path: os.truncate(path, 1 << 40), read_gltf, "bytes"),
+}
+
+
+@pytest.mark.parametrize("name", PROMISES)
+def test_what_promises_gigabytes_is_refused_before_memory_is_taken(tmp_path, name) -> None:
+    make, read, counted = PROMISES[name]
+    path = tmp_path / name
+    path.touch()
+    make(path)
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    with pytest.raises(InputError, match=rf"{name}.*{counted}.*`large_ok`") as refused:
+        read(path)
+    assert "\n" not in str(refused.value)
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 100 * 1024  # [KiB]
+
+
+def test_large_files_are_read_where_that_is_asked_for(tmp_path, monkeypatch, command) -> None:
+    monkeypatch.setenv(LARGE_OK, "")
+    (tmp_path / "images").mkdir()
+    (tmp_path / "images/a.png").write_bytes(huge_png())
+    huge_texture(tmp_path / "a.glb")
+    words = ("optimize", tmp_path / "images", "--budget", 0.5, "--out", tmp_path / "out")
+    assert "more than 67108864 pixels (--large-ok)" in refused(command, *words, "--quiet")
+    command("validate", tmp_path, "--large-ok")
+    assert next(open_video(str(tmp_path / "images")).frames()).shape == (9000, 9000)
+    assert scene_from_gltf(read_gltf(tmp_path / "a.glb"))
 
 
 # What stands in a file

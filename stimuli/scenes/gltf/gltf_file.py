@@ -7,6 +7,7 @@ import binascii
 import hashlib
 import json
 import struct
+import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.input_files import open_input
+from evenlight.data_schema.storage.input_sizes import MOST_BYTES, MOST_PIXELS, require_size
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -57,7 +60,13 @@ class GltfFile:
         else:
             data = _bytes_at(self.path, entry["uri"], "image")
         try:
-            return Image.open(BytesIO(data)).convert("RGBA")
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # we have a limit of our own
+                image = Image.open(BytesIO(data))
+            require_size(image.width * image.height, MOST_PIXELS, self.path, "pixels in a texture")
+            return image.convert("RGBA")
+        except InputError:
+            raise
         except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
             where = f"image {entry.get('uri', entry.get('name', texture))!s:.60}"
             raise InputError(f"{self.path}: {where} cannot be read ({error}); give a PNG or JPEG") from None
@@ -106,7 +115,7 @@ def sha256_of_gltf(path: Path) -> str:
     """
     with in_one_line(path):
         header, _ = _header_of(path)
-        digest = hashlib.sha256(path.read_bytes())
+        digest = hashlib.sha256(_content(path))
         for kind in ("buffers", "images"):
             for entry in header.get(kind, ()):
                 if "uri" in entry:
@@ -128,7 +137,7 @@ def in_one_line(path: Path) -> Iterator[None]:
 
 def _header_of(path: Path) -> tuple[dict[str, Any], bytes]:
     try:
-        data, own = path.read_bytes(), b""
+        data, own = _content(path), b""
         if data[:4] == MAGIC:
             chunks = _chunks(data)
             data, own = chunks.get(JSON_CHUNK, b""), chunks.get(BINARY_CHUNK, b"")
@@ -138,13 +147,18 @@ def _header_of(path: Path) -> tuple[dict[str, Any], bytes]:
         entries = [header["asset"], *(entry for key in TABLES for entry in header.get(key, ()))]
         if not all(isinstance(entry, dict) and isinstance(entry.get("uri", ""), str) for entry in entries):
             raise TypeError("it holds something other than tables")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror})") from None
+    except InputError:
+        raise
     except (json.JSONDecodeError, UnicodeDecodeError):
         raise InputError(f"{path}: not glTF; need a .glb or .gltf file as a modeller exports it") from None
     except (ValueError, TypeError, RecursionError) as error:
         raise InputError(f"{path}: not a whole glTF file ({error!s:.80}); export it again") from None
     return header, own
+
+
+def _content(path: Path) -> bytes:
+    with open_input(path, "glTF, or what it names", MOST_BYTES) as stream:
+        return stream.read()
 
 
 def _chunks(data: bytes) -> dict[int, bytes]:
@@ -166,7 +180,11 @@ def _bytes_at(path: Path, uri: str, kind: str) -> bytes:
         named = Path(unquote(uri))
         if named.anchor or ".." in named.parts:
             raise ValueError("outside of its folder")  # a file of a stranger reads nothing else of this user
-        return (path.parent / named).read_bytes()
+        if not (path.parent / named).exists():
+            raise ValueError("missing")
+        return _content(path.parent / named)
+    except InputError:
+        raise
     except (IndexError, binascii.Error):
         raise InputError(f"{path}: the data of a {kind} are not in base64; export it again") from None
     except (OSError, ValueError):

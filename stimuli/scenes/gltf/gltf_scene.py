@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.input_sizes import MOST_SCENE_PIXELS, require_size
 from evenlight.stimuli.scenes.engine.camera_path_file import light_in
 from evenlight.stimuli.scenes.engine.scene import SEED, Floats, Material, Patches, Scene, Sky
 from evenlight.stimuli.scenes.engine.shapes import at_right_angles, widest_corner_first
@@ -33,7 +34,10 @@ SMALL = 1e-12  # [m^2] triangles of less area are left out
 FLAT = 1e-4  # [m, and repeats of a texture] corners of a parallelogram fit to this
 FACETED = 1e-3  # unit normals that differ by less are those of a flat piece
 SMALLEST, LARGEST = 0.5, 2000.0  # [m] longest side of a scene
+SHARES = np.arange(256, dtype=np.float32) / 255  # of the values of an image, and in linear light (sRGB)
+LIGHT = np.where(SHARES <= 0.04045, SHARES / 12.92, ((SHARES + 0.055) / 1.055) ** 2.4)
 MOST_TRIANGLES = 1_000_000
+MOST_ENTRIES = 20 * MOST_TRIANGLES  # of its lists of numbers, as often as meshes name them
 MOST_TEXTURES = 256
 THERE = 0.5  # opacity from which a surface that would be blended counts as there
 MOST_LAMPS = 5_000  # luminous pieces: the bake looks for each of them from everywhere
@@ -69,6 +73,13 @@ def _loaded(file: GltfFile) -> trimesh.Scene:
     import trimesh
 
     header = json.loads(json.dumps(file.header))
+    named = [
+        header["accessors"][number]
+        for mesh in header.get("meshes", ())
+        for one in mesh["primitives"]
+        for number in (*one["attributes"].values(), *([one["indices"]] if "indices" in one else []))
+    ]  # a file may have one piece of memory stand for many
+    require_size(sum(int(one["count"]) for one in named), MOST_ENTRIES, file.path, "points and corners")
     paints = [material.get("pbrMetallicRoughness", {}) for material in header.get("materials", ())]
     texcoords = [f"TEXCOORD_{paint.get('baseColorTexture', {}).get('texCoord', 0)}" for paint in paints]
     header["materials"] = [{"name": str(k)} for k in range(len(texcoords))]
@@ -257,6 +268,7 @@ class Surfaces:
     def __init__(self, file: GltfFile) -> None:
         self._file = file
         self._materials: dict[tuple[Any, ...], Material] = {}
+        self._pixels = 0
 
     def materials(self) -> tuple[Material, ...]:
         """Return those that were asked for."""
@@ -289,8 +301,8 @@ class Surfaces:
             [strength.get("emissiveStrength", 1)], 1
         )
         if emission.any() and "emissiveTexture" in entry:
-            picture = _linear(self._file.image(entry["emissiveTexture"]["index"]))
-            emission = emission * picture[..., :3].mean(axis=(0, 1))
+            picture = self._file.image(entry["emissiveTexture"]["index"])
+            emission = emission * [_linear(picture, k).mean(dtype=float) for k in range(3)]
         return np.asarray(emission)
 
     def _key(self, texture: dict[str, Any] | None, cutoff: float | None, gloss: float) -> tuple[Any, ...]:
@@ -305,6 +317,8 @@ class Surfaces:
                 )
             white = Image.new("RGBA", (1, 1), "white")
             image = white if texture is None else self._file.image(texture["index"])
+            self._pixels += image.width * image.height
+            require_size(self._pixels, MOST_SCENE_PIXELS, self._file.path, "pixels in its textures")
             if cutoff is not None and np.asarray(image)[..., 3].min() / 255 >= cutoff:
                 cutoff = None
             # A partial function, which the cache of textures leaves alone: its name does not tell the image.
@@ -327,15 +341,14 @@ def _resampled(
     """Return an image as a texture of some size: albedo in linear light, and with a cutoff what is there."""
     from PIL import Image as Images
 
-    picture = _linear(image)
+    channels = [Images.fromarray(_linear(image, k)) for k in range(3)]
     if cutoff is not None:
-        picture[..., 3] = picture[..., 3] >= cutoff
-    channels = (Images.fromarray(picture[..., k].copy()) for k in range(3 if cutoff is None else 4))
+        channels.append(
+            Images.fromarray((cutoff <= SHARES).astype(np.float32)[np.asarray(image.getchannel(3))])
+        )
     sized = [np.asarray(channel.resize((size, size), Images.Resampling.BILINEAR)) for channel in channels]
     return np.asarray(np.clip(np.stack(sized, axis=2), 0, 1), dtype=np.float32)
 
 
-def _linear(image: Image) -> NDArray[np.float32]:
-    shares = np.asarray(image, dtype=np.float32) / 255
-    light = np.where(shares <= 0.04045, shares / 12.92, ((shares + 0.055) / 1.055) ** 2.4)
-    return np.asarray(np.concatenate([light[..., :3], shares[..., 3:]], axis=2), dtype=np.float32)
+def _linear(image: Image, channel: int) -> NDArray[np.float32]:
+    return np.asarray(LIGHT[np.asarray(image.getchannel(channel))])
