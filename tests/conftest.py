@@ -66,7 +66,28 @@ LONG = {
     "test_viewing_sessions.py", "test_drivers.py", "test_fit_command.py", "test_recovery.py",
     "test_reproduce_command.py",
 }  # fmt: skip
-SLOW_FOLDERS = ("pipeline", "recovery", "benchmarks")  # commands from end to end, simulated studies, timings
+# What `make test-fast` leaves out: commands from end to end, simulated studies, timings; files that take over
+# 1.2 s of a processor, start PsychoPy or compile shaders; elsewhere tests of over 0.3 s, marked `slow`.
+SLOW_FOLDERS = ("pipeline", "recovery", "benchmarks")
+SLOW_FILES = {
+    "test_answers_follow_the_track.py", "test_calibration.py", "test_calibration_figures.py",
+    "test_clip_player.py", "test_cluster.py", "test_cumulative_link.py", "test_ddc_backlight.py",
+    "test_drift.py", "test_drivers.py", "test_every_command.py", "test_exports.py", "test_eye_renderer.py",
+    "test_fit_command.py", "test_fit_measure.py", "test_fit_report.py", "test_forms_of_loss.py",
+    "test_gpu_curves.py", "test_gpu_device.py", "test_headset_playback.py", "test_headset_sessions.py",
+    "test_headset_walk.py", "test_help_examples.py", "test_image_renderer.py", "test_integrity_gate.py",
+    "test_joint_fit.py", "test_limit_models.py", "test_live_view.py", "test_loss_meters.py",
+    "test_mutated_files.py", "test_nordic_ppk2.py", "test_objectives.py", "test_odd_films.py",
+    "test_optimize.py", "test_paper_audit.py", "test_pixel_floor.py", "test_planning.py",
+    "test_player_content.py", "test_pointer.py", "test_power_board.py", "test_power_links.py",
+    "test_power_table.py", "test_random_threshold.py", "test_rating_findings.py", "test_report.py",
+    "test_ring_scene.py", "test_robust.py", "test_scene_antialiasing.py", "test_scene_content.py",
+    "test_scene_feed.py", "test_scene_light.py", "test_scene_rays.py", "test_scene_sequences.py",
+    "test_search_findings.py", "test_sequences.py", "test_setup.py", "test_simulate_viewing.py",
+    "test_stereo.py", "test_stereo_rings.py", "test_sweep_results.py", "test_tables.py", "test_track.py",
+    "test_track_exports.py", "test_track_figure.py", "test_validation.py", "test_viewing_plan.py",
+    "test_window.py", "test_window_stage.py",
+}  # fmt: skip
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -85,14 +106,23 @@ def pytest_collection_finish() -> None:
     gc.set_threshold(5000, 10, 20)
 
 
+def is_slow(path: Path) -> bool:
+    return path.parent.name in SLOW_FOLDERS or path.name in SLOW_FILES
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Import no slow file where slow tests are not run."""
+    return True if "not slow" in config.option.markexpr and is_slow(collection_path) else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark by its folder what `make test-fast` leaves out; other files and tests have marks of their own.
+    """Mark what `make test-fast` leaves out.
 
     Long files come first, so that no process is left with one at the end.
     """
     items.sort(key=lambda item: (TESTS not in item.path.parents, item.path.name not in LONG, item.path))
     for item in items:
-        if item.path.parent.name in SLOW_FOLDERS:
+        if is_slow(item.path):
             item.add_marker(pytest.mark.slow)
 
 

@@ -22,7 +22,6 @@ def most(sets: int) -> float:
     return float(stats.binom.ppf(1 - 1e-4, sets, 0.05)) / sets
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("task", TASKS)
 def test_the_primary_tests_err_in_5_percent_and_their_intervals_agree(task: str) -> None:
     every, sets = populations([task], MANY), SETS
@@ -36,7 +35,6 @@ def test_the_primary_tests_err_in_5_percent_and_their_intervals_agree(task: str)
                 assert found.rejected <= most(sets), question
 
 
-@pytest.mark.slow
 def test_an_effect_is_found() -> None:
     """Else a test that never rejects would pass."""
     (_, some, _) = populations(["comparison"])

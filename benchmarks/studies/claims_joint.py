@@ -38,7 +38,6 @@ KINDS = [
 ]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_more_than_one_band_of_five_misses_the_curve(kind: tuple[str, str, float]) -> None:
     """With 95 % coverage 97.7 % of such fives pass, with 90 % still 91.9 %, with 50 % only 18.8 %.
@@ -48,7 +47,6 @@ def test_no_more_than_one_band_of_five_misses_the_curve(kind: tuple[str, str, fl
     assert sum(one.covered for one in found(*kind)) >= 4
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_the_curve_is_that_of_the_people_drawn(kind: tuple[str, str, float]) -> None:
     """Against the geometric mean of their thresholds, within three standard errors and 2 %."""
@@ -56,7 +54,6 @@ def test_the_curve_is_that_of_the_people_drawn(kind: tuple[str, str, float]) -> 
     assert abs(errors.mean()) < 0.02 + 3 * errors.std(ddof=1) / SETS**0.5
 
 
-@pytest.mark.slow
 def test_fewer_people_never_give_a_narrower_band() -> None:
     """The first one, two and four people of the same data sets; medians over three data sets."""
     study = Study(YES_NO, "preset", 4)
@@ -71,7 +68,6 @@ def test_fewer_people_never_give_a_narrower_band() -> None:
     assert all(alone > both for alone, both in zip(widths[1], widths[2], strict=True))
 
 
-@pytest.mark.slow
 def test_people_who_saw_everything_do_not_draw_the_limit_to_the_unsafe_side() -> None:
     """People differ more than usual, about a lower curve: some levels of some people are all "yes".
 

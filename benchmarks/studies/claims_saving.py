@@ -4,7 +4,6 @@ import pytest
 from saving_coverage import CASES, coverage
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "case", ["saving 20 %", "saving 0 %", "saving 5 %", "warm-up of 10 %", "wanders over 5 min"]
 )
@@ -16,14 +15,12 @@ def test_the_interval_holds_the_truth(case: str) -> None:
     assert abs(bias) < 0.005
 
 
-@pytest.mark.slow
 def test_a_saving_of_20_percent_is_told_within_two_points() -> None:
     _, width, bias = coverage(CASES["saving 20 %"], 200, 4)
     assert width / 2 < 0.02
     assert abs(bias) < 0.002
 
 
-@pytest.mark.slow
 def test_the_seconds_that_a_gauge_lags_must_not_count() -> None:
     """Lag 5 s: a pass of 120 s begins with what was shown before, and the saving comes out too small."""
     assert coverage(CASES["lag 5 s, not settled"], 300, 5)[2] < -0.004

@@ -160,6 +160,7 @@ def found() -> Analysis:
     return adaptation_findings({"basement": still(), "walk through $1 {x}": odd})
 
 
+@pytest.mark.slow
 def test_findings_say_the_order_and_set_the_published_beside_it(found: Analysis) -> None:
     ordering = [row for row in found.rows if row.table == "ordering"]
     assert [(row.value, row.n, row.origin) for row in ordering] == [
@@ -211,6 +212,7 @@ def test_without_anything_that_changes_there_is_no_ratio_and_it_is_said(found: A
     assert all(row.value is None and "no ratio" in row.flag for row in excess)
 
 
+@pytest.mark.slow
 def test_the_track_without_limit_is_freer_than_the_one_within(make_problem, make_curves) -> None:
     problem = make_problem(make_curves(np.random.default_rng(4).uniform(0.1, 0.5, 12)), 0.5)
     free = unconstrained_factors(problem)

@@ -42,6 +42,7 @@ def test_the_exact_p_is_the_sum_of_both_tails(count: tuple[int, int]) -> None:
     assert exact_p(k, n) == pytest.approx(min(1.0, 2 * tail), rel=1e-9)
 
 
+@pytest.mark.slow
 @given(counts)
 def test_the_interval_of_clopper_and_pearson_is_that_of_statsmodels_and_scipy(count: tuple[int, int]) -> None:
     k, n = count

@@ -130,7 +130,6 @@ def test_a_participant_who_tires_is_named_with_the_drift() -> None:
     assert 2.0 < ratio < 5.0
 
 
-@pytest.mark.slow
 def test_durations_are_compared_in_one_fit() -> None:
     # A limit on the rate alone: ten seconds make no difference, and the interval says so.
     rng = np.random.default_rng(3)

@@ -61,6 +61,7 @@ def published_like() -> Analysis:
     return comparison_findings(data_of(answers_of(lambda who, s: (who + 4 * s) % 17 < wanted[s])))
 
 
+@pytest.mark.slow
 def test_nine_of_seventeen_is_neither_told_from_a_coin_nor_shown_to_be_one(published_like: Analysis) -> None:
     share = row(published_like.rows, "shares", "library", "ours chosen")
     assert (share.value, share.p_value, share.p_adjusted, share.n) == (9 / 17, 1.0, 1.0, 17)
@@ -207,6 +208,7 @@ def test_the_same_seed_gives_the_same_numbers() -> None:
     assert one == two != other
 
 
+@pytest.mark.slow
 def test_what_seventeen_people_are_told_of_all_answers_errs_no_more_often_than_it_may() -> None:
     # 1000 experiments: 5 % and 95 % have a standard error of 0.7 %; 92 and 98 % of 0.9 and 0.4 %. Three each.
     truth = ComparisonTruth(0.9, 0.15, 0.5)
@@ -226,6 +228,7 @@ def test_the_mixed_model_finds_the_preference_that_was_put_in() -> None:
     assert effect.estimate == pytest.approx(np.log(3), abs=3 / np.sqrt(800 * 3 / 16))
 
 
+@pytest.mark.slow
 def test_the_mixed_model_is_seldom_fooled_by_guessing() -> None:
     # 20 fits: five or more errors at 5 % have a chance of 0.3 %.
     different, held = model_rates(ComparisonTruth(0.9, 0.15, 0.5), 0.5, 20, SEED)

@@ -83,6 +83,7 @@ class TestHardCases:
         flagged = {s.group for s in found.rows if "can hardly be told" in s.flag}
         assert flagged == {"living_room"}
 
+    @pytest.mark.slow
     def test_ours_always_first_is_said_in_the_lead_and_no_model_tells_it_from_a_leaning(self) -> None:
         every = answers_of(lambda who, s: (who + s + who // 4) % 2 == 0)
         data = data_of([(w, name, ours, 1) for w, name, ours, _ in every])
@@ -138,6 +139,7 @@ class TestHardCases:
         with pytest.raises(InputError, match="no comparison counts"):
             comparison_findings(TaskData("comparison", (), True, "0" * 64, ()))
 
+    @pytest.mark.slow
     @pytest.mark.parametrize("n", [1, 2, 5, 200])
     def test_the_limits_of_any_number_of_answers_are_numbers_or_flags(self, n: int) -> None:
         rows = limits_of(n)[0]

@@ -137,7 +137,6 @@ def _largest(model, value: np.ndarray, index: int | None) -> float:
     return -float(optimize.minimize(cost, start, jac=True, method="BFGS").fun)
 
 
-@pytest.mark.slow
 def test_a_version_that_differs_between_participants_is_recovered_with_its_interval() -> None:
     # 30 experiments: an interval that covers in 95 % does so in 24 to 30 of them, in 999 of 1000 studies.
     truth = OrdinalTruth(1.0, slope_sd=0.8, random_slope=True)
@@ -148,7 +147,6 @@ def test_a_version_that_differs_between_participants_is_recovered_with_its_inter
     assert abs(np.mean(estimates) - 1.06) < 3 * error + 0.06
 
 
-@pytest.mark.slow
 def test_choices_between_two_versions_are_recovered_with_the_interval_of_their_intercept() -> None:
     truth = OrdinalTruth(0.85, tested="intercept", group_sd=0.5)
     held, estimates = covered(truth, 40, seed=8)
@@ -224,7 +222,6 @@ def test_one_sequence_rated_the_best_by_everybody_leaves_the_other_effects_their
     assert fit.effects[1].estimate is None
 
 
-@pytest.mark.slow
 def test_a_participant_who_always_answers_the_same_is_one_of_many() -> None:
     fit = fit_ordinal(replace(ANSWERS, responses=np.where(ANSWERS.groups == 3, 4, ANSWERS.responses)))
     assert_numbers(fit.effects[0])
@@ -358,7 +355,6 @@ def test_data_that_make_no_sense_are_refused(change: dict[str, object], message:
         replace(ANSWERS, **change)
 
 
-@pytest.mark.slow
 def test_any_few_answers_give_numbers_in_order_or_flags_and_no_warning() -> None:
     rng = np.random.default_rng(16)
     for case in range(6):

@@ -134,6 +134,7 @@ def test_a_drift_during_the_sweep_is_told_from_the_curve() -> None:
     assert (later.peak_luminance / fit.peak_luminance - 1) * 60 == pytest.approx(0.4, rel=0.15)  # per hour
 
 
+@pytest.mark.slow
 def test_a_black_that_was_too_dark_is_bounded_by_what_could_be_read() -> None:
     # The meter reads from 0.3 on; the lowest level above is 200 · (1/16)^2.2 + 0.1 = 0.55.
     held = 0

@@ -9,8 +9,6 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.analysis.calibration.psychometric.thresholds import TimedAnswers, drift_of
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
-pytestmark = pytest.mark.slow
-
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 N_LEVELS = 6
 COARSER = (20, 12, 8, 6)  # nodes: a function to 0.3 % of its threshold, in half the time

@@ -17,7 +17,7 @@ from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, si
 from evenlight.method.preset_files import load_display, load_rate_limit
 from evenlight.method.rate_limit import rate_limit_at
 
-pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("blank_pictures")]
+pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 CONTRACT = (
     "participant_id,factor,luminance_cd_m2,threshold_cd_m2_s,ci_low,ci_high,false_alarm_rate,n_trials,flag"

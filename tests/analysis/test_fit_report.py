@@ -61,7 +61,6 @@ def page(yes_no: Calibration, tmp_path_factory: pytest.TempPathFactory) -> str:
     return (folder / "report.html").read_text()
 
 
-@pytest.mark.slow
 def test_the_page_says_that_it_is_simulated_and_where_it_comes_from(page: str) -> None:
     assert SIMULATED_NOTE in page
     assert "ab" * 32 in page.replace("<wbr>", "")

@@ -388,7 +388,6 @@ def alarms(make: Callable[[np.random.Generator], TaskData[Any]], sets: int) -> i
     return sum(bool(checked(make(np.random.default_rng([11, k])))[1]) for k in range(sets))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [

@@ -73,6 +73,7 @@ def test_a_mean_difference_of_ratings(differences: list[int]) -> None:
         assert excludes(effect.ci_low, effect.ci_high, null) == (effect.p_value < 0.05)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(ratings, st.sampled_from([1.0, 1 / 2, 1 / 3, 1 / 12]))
 def test_any_mean_difference_of_ratings(differences: list[int], step: float) -> None:
@@ -93,6 +94,7 @@ def test_every_share_of_one_answer_each(n: int) -> None:
         assert excludes(found.ci_low, found.ci_high, 0.5) == (found.p_value < 0.05)
 
 
+@pytest.mark.slow
 @settings(max_examples=200, deadline=None)
 @given(answered)
 def test_any_share_of_several_answers_each(answers: list[tuple[int, int]]) -> None:
@@ -150,6 +152,7 @@ def test_many_people_have_the_normal_interval() -> None:
     assert sign_flip_interval(scores) == pytest.approx((0.06 - z * root, 0.06 + z * root), abs=3e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("up", range(524, 538))
 def test_many_people_have_an_interval_that_agrees_with_the_exact_test(up: int) -> None:
     scores = np.repeat([1, -1], [up, 1000 - up])  # p < 5 % from 532 on; as normal, from 531 on

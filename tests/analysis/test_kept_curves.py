@@ -87,6 +87,7 @@ def written(job: OptimizationJob, path: Path) -> tuple[bytes, list[tuple[int, by
 
 
 # What is read is further than what is kept, by three contents.
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("actuator", "breaks_at", "begun"),
     [(Actuator.BACKLIGHT, 45, 30), (Actuator.BACKLIGHT, 62, 45), (Actuator.PIXELS, 63, 60)],
@@ -116,6 +117,7 @@ def test_another_budget_reads_the_sampled_frames_alone(tmp_path: Path) -> None:
     assert known.read == slides.read
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changed",
     [

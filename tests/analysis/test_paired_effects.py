@@ -58,6 +58,7 @@ def ends(name: str) -> np.ndarray:
     return intervals(sets[first], EFFECTS[name])[place.reshape(-1)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EFFECTS)
 @pytest.mark.parametrize("truth", TRUTHS)
 def test_the_95_percent_interval_of_17_pairs_covers_the_truth_in_92_to_98_percent(

@@ -51,9 +51,6 @@ from evenlight.experiments.design_files import load_design
 from evenlight.experiments.ramp.simulate_ramp import simulated_trials_and_thresholds
 from evenlight.method.preset_files import load_display
 
-pytestmark = pytest.mark.slow
-
-
 DESIGNS = {"made": DESIGN}
 
 

@@ -212,7 +212,6 @@ def test_passes_that_were_not_played_are_named(truth: Truth) -> None:
     assert "1 of 7 passes were not played." in power.notes
 
 
-@pytest.mark.slow
 def test_a_video_of_one_frame_has_a_power(tmp_path: Path) -> None:
     truth = known(dataclasses.replace(SHORT, frames=1))
     lines = write_power_results(write_folder(truth, tmp_path), tmp_path)

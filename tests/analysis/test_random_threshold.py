@@ -18,8 +18,6 @@ from evenlight.analysis.calibration.level_estimates import (
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts, pooled_counts
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 
-pytestmark = pytest.mark.slow
-
 RATES = np.array([0.8, 1.3, 2.0, 2.8, 4.0, 5.5, 8.0, 12.0])
 MEDIAN, SD, PEOPLE = 3.1, 0.3, 12
 EXPERIMENTS = 60

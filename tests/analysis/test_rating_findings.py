@@ -58,7 +58,6 @@ def seventeen() -> Analysis:
     return rating_findings(rating_data(trials, ("gym", "library")), 1)
 
 
-@pytest.mark.slow
 def test_the_means_have_both_standard_errors_by_hand() -> None:
     ratings = np.array([3, 4, 2, 5, 3, 3, 4, 4, 2, 3, 5, 4, 3, 3, 4, 2, 3])
     mean = statistic(seventeen(), "library", "mean rating, ours")
@@ -110,7 +109,6 @@ def test_every_number_of_the_figure_has_its_point() -> None:
     assert (mean.y, mean.low, mean.high) == (drawn.value, drawn.ci_low, drawn.ci_high)
 
 
-@pytest.mark.slow
 def test_the_same_seed_gives_the_same_files(tmp_path: Path) -> None:
     data = rating_data(drawn_ratings(Raters(), 4, np.random.default_rng(2)))
     for name in ("one", "other"):
@@ -169,7 +167,6 @@ def test_a_participant_with_one_trial_leaves_the_pairs_and_is_named() -> None:
     assert "participants without both versions of every sequence: 01" in findings.warnings
 
 
-@pytest.mark.slow
 def test_a_version_that_nobody_rated_leaves_rows_with_a_flag() -> None:
     trials = [t for t in rated({"gym": [4, 5], "house": [3, 4]}, {"gym": [3, 3], "house": [1, 1]})
               if t.sequence == "gym" or t.version is OURS]  # fmt: skip
@@ -197,7 +194,6 @@ def everybody_their_own() -> Analysis:
     return rating_findings(rating_data(rated({"gym": own, "house": own}, {"gym": own, "house": own})), 1)
 
 
-@pytest.mark.slow
 def test_people_who_always_give_their_own_rating_have_no_odds_ratio_but_the_reason() -> None:
     findings = everybody_their_own()
     odds = statistics(findings, "all", "odds ratio")
@@ -218,7 +214,6 @@ def test_alike_differences_leave_no_smallest_difference_and_one_sequence_no_row_
     assert {s.group for s in findings.rows if s.table == "differences"} == {"gym"}
 
 
-@pytest.mark.slow
 def test_sequences_rated_alike_can_show_the_same() -> None:
     same = [5, 3, 4, 4, 2, 5, 3, 4]
     less = [4, 3, 3, 4, 2, 3, 3, 4]
@@ -252,7 +247,6 @@ def test_the_mean_over_sequences_is_each_participants_own() -> None:
     assert over_sequences(both).values.tolist() == [0.5, 2.0]
 
 
-@pytest.mark.slow
 def test_200_participants_are_no_trouble() -> None:
     trials = drawn_ratings(Raters(effect=0.6), 200, np.random.default_rng(5))
     pairs = paired_ratings(trials, "gym")
@@ -306,7 +300,6 @@ def test_one_sequence_has_no_interaction() -> None:
     assert likelihood_ratio(trials, ("gym",), rating_fits(trials, ("gym",))[0])[0].p_value is None
 
 
-@pytest.mark.slow
 def test_trials_in_memory_give_the_same_numbers_as_sessions() -> None:
     trials = drawn_ratings(Raters(), 6, np.random.default_rng(3))
     in_sessions = rating_findings(rating_data(trials, tuple(sorted(PAPER_SEQUENCES))), 1)

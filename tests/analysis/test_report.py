@@ -223,7 +223,6 @@ def test_what_the_fit_remarks_upon_is_in_the_section(calibration: Calibration, f
     assert notes[2:] == calibration.rate_limit.notes
 
 
-@pytest.mark.slow
 def test_the_figures_of_a_calibration_are_written(found: Analysis, tmp_path: Path) -> None:
     write_pictures(found, tmp_path)
     assert sorted(path.name for path in tmp_path.iterdir()) == ["psychometric.png", "rate_limit.png"]

@@ -84,7 +84,6 @@ def findings() -> Analysis:
     return search_findings(task_data(searches()))
 
 
-@pytest.mark.slow
 def test_every_drawn_number_is_written_beside_its_figure(findings: Analysis, tmp_path: Path) -> None:
     findings.write(tmp_path)
     rows = read_rows(Statistic, tmp_path / "search_statistics.csv")
@@ -105,7 +104,6 @@ def test_simulated_searches_are_called_so_in_every_section(findings: Analysis) -
     assert findings.sections[0].paragraphs[0].startswith(words)
 
 
-@pytest.mark.slow
 def test_the_same_searches_give_the_same_numbers_in_whatever_order_they_are_read() -> None:
     again = results(searches()[::-1])[1]
     for key, row in as_simulated()[1].items():
@@ -143,7 +141,6 @@ def test_everything_undetected_gives_counts_and_no_times() -> None:
     assert "cannot be given" in lead_of(found)
 
 
-@pytest.mark.slow
 def test_a_location_that_nobody_found_is_flagged_and_leaves_the_others_alone() -> None:
     found, rows = results(changed(lambda t: lost(t) if t.keypoint == "spot01" else t))
     _, without = results(changed(lambda t: None if t.keypoint == "spot01" else t))

@@ -133,7 +133,6 @@ def test_a_backlight_that_is_not_linear_in_light_is_told(
     assert "not in proportion to the brightness factor: -50" in capsys.readouterr().err
 
 
-@pytest.mark.slow
 def test_a_good_sweep_has_no_flag_and_prints_no_warning(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -287,7 +286,6 @@ def test_neither_meter_nor_peak_is_refused(tmp_path: Path) -> None:
     assert not (folder / "power.toml").exists()
 
 
-@pytest.mark.slow
 def test_reflected_light_is_taken_off_the_luminance_of_a_power_sweep(tmp_path: Path) -> None:
     design = replace(POWER, reflected_luminance=5.0)
     readings = readings_of_power(replace(WARM, reflected_luminance=5.0))
@@ -340,7 +338,6 @@ def test_a_base_power_clearly_below_zero_is_refused(tmp_path: Path) -> None:
         fit_sweep(write_sweep(tmp_path / "sweep", POWER, readings), tmp_path / "out")
 
 
-@pytest.mark.slow
 def test_fit_takes_a_data_set_that_holds_sweeps_only(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -365,7 +362,6 @@ def test_fit_takes_a_data_set_that_holds_sweeps_only(
     assert "luminance-sweep: luminance-sweep_02; not fitted: luminance-sweep_01" in printed
 
 
-@pytest.mark.slow
 def test_ramps_and_sweeps_are_fitted_together_and_a_bad_sweep_spoils_no_ramp(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -135,7 +135,6 @@ def test_sections_with_allowances_are_marked_and_measured_by_the_fitted_limit(sp
     assert not plain.patches
 
 
-@pytest.mark.slow
 def test_rates_are_drawn_with_their_sign_up_to_the_last_step() -> None:
     given = data()
     (line,) = lines_of(track_figure(given), 2, OURS)
@@ -205,13 +204,11 @@ DEGENERATE: dict[str, Callable[[], DrawnTrack]] = {
 }
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_odd_tracks_are_drawn_without_warning(name: str) -> None:
     assert png_bytes(track_figure(DEGENERATE[name]())).startswith(b"\x89PNG")
 
 
-@pytest.mark.slow
 def test_a_track_is_legible(require_legible: Callable[[Figure, FigureFormat], None]) -> None:
     given = data(video="a_rather_long_name_of_a_video.mp4", pictures=8)
     limit = np.where(np.arange(30) == 9, 0.1, 1.0) * given.track.rate_limit

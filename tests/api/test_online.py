@@ -40,6 +40,7 @@ def test_it_chooses_the_factors_that_the_command_chooses() -> None:
     assert np.ptp(factors) > 0.05  # the scene makes it move
 
 
+@pytest.mark.slow
 def test_no_step_is_faster_than_the_rate_limit() -> None:
     display, limit = evenlight.load_display("varjo-xr3"), evenlight.load_rate_limit("surace2025")
     frames = [Frame(k / RATE, 1 / RATE, pixels) for k, pixels in enumerate(scene())]
@@ -56,6 +57,7 @@ def test_no_step_is_faster_than_the_rate_limit() -> None:
         assert factors[-1] < 0.85
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", [unit.value for unit in BudgetUnit])
 def test_a_budget_is_met_over_the_horizon(unit: str) -> None:
     """Power is linear in brightness (Eq. 7), so each of the three budgets is a mean factor of 0.5."""

@@ -115,7 +115,6 @@ def test_what_a_fit_does_not_have_is_refused_with_what_it_has(
         asked(fit)
 
 
-@pytest.mark.slow
 def test_a_table_gives_the_thresholds_that_its_data_set_gives(
     command: Callable[..., Any], short_ramps: Path, tmp_path: Path
 ) -> None:
@@ -210,7 +209,6 @@ def test_search_times_need_no_column_that_statistics_do_not_read() -> None:
     assert len(found.statistics) > 10
 
 
-@pytest.mark.slow
 def test_results_are_saved_as_the_command_saves_them(tmp_path: Path) -> None:
     evenlight.analyze(ratings()).save(tmp_path)
     assert (tmp_path / "rating_statistics.csv").exists()

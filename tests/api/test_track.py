@@ -64,7 +64,6 @@ def test_what_is_saved_is_loaded_again(track: evenlight.Track, tmp_path: Path) -
     assert (tmp_path / "track" / "track.png").read_bytes().startswith(b"\x89PNG")
 
 
-@pytest.mark.slow
 def test_the_command_and_the_function_give_the_same_track(command, tmp_path: Path, make_video) -> None:
     video = tmp_path / "film.mkv"
     make_video(video, 0.5 + 0.4 * np.cos(np.arange(30) / 5), (48, 32), 5.0)
@@ -87,7 +86,6 @@ def test_the_command_and_the_function_give_the_same_track(command, tmp_path: Pat
     assert inputs[0] == inputs[1]
 
 
-@pytest.mark.slow
 def test_curves_serve_for_several_budgets() -> None:
     curves = evenlight.loss_curves(scene(), fps=2.0)
     for budget in (0.4, 0.7):
@@ -104,7 +102,6 @@ def test_the_loss_of_a_frame_is_that_of_its_curve() -> None:
     assert direct[-1] == 0
 
 
-@pytest.mark.slow
 def test_an_iterator_of_frames_is_read_once() -> None:
     direct = evenlight.optimize(scene(), 0.5, fps=2.0)
     once = evenlight.optimize(iter(scene()), 0.5, fps=2.0)

@@ -98,7 +98,6 @@ def test_nobody_who_guesses_gains_within_the_margins_does_better(
     assert tried > 30
 
 
-@pytest.mark.slow
 def test_margins_are_kept_where_the_content_asks_for_less(rooms: LossCurves) -> None:
     """Without a rate limit, the boldest gains follow best: each margin is what holds them."""
     unlimited = replace(CONTROLLER, rate_limit=lambda _: 1e9)
@@ -135,7 +134,6 @@ def test_content_that_loses_nothing_is_no_trouble(make_curves: Callable[..., Los
     assert np.isfinite(error_of(dull, tuned.settings))
 
 
-@pytest.mark.slow
 def test_gains_that_count_frames_stay_such(rooms: LossCurves, tuned: TuningResult) -> None:
     """They are found per frame: those of a rate do the same."""
     counted = tune(rooms, replace(CONTROLLER, settings=replace(CONTROLLER.settings, gain_rate=None)))
@@ -161,7 +159,6 @@ def largest_root(gains: FrameGains, slope: float) -> float:
     return float(np.abs(np.roots(polynomial)).max())
 
 
-@pytest.mark.slow
 @given(GAINS)
 def test_the_loop_is_stable_just_below_the_stable_slope_and_not_just_above(gains: FrameGains) -> None:
     edge = stable_slope(gains)

@@ -32,8 +32,6 @@ from evenlight.hardware.protocols import Fault, InstrumentError
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 
-pytestmark = pytest.mark.slow
-
 LUMINANCE, POWER, BACKLIGHT = InstrumentKind
 PATIENT = 30.0  # [s] where no reply is made late or left out: threads of a busy machine may be held up
 

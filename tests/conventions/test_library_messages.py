@@ -23,6 +23,7 @@ def raised(tree: ast.AST) -> Iterator[tuple[int, str]]:
             yield node.lineno, re.sub(r"`evenlight [^`]*`", "", text)
 
 
+@pytest.mark.slow
 def test_no_error_names_an_option() -> None:
     found = []
     for folder in LIBRARY:

@@ -138,6 +138,7 @@ def test_searches_are_censored_at_the_limit_and_know_no_ring(importing) -> None:
     assert "time_limit_s: 30 in all rows" in outcome.out
 
 
+@pytest.mark.slow
 def test_searches_without_brightness_or_order_are_analysed_without_them(importing, tmp_path, command) -> None:
     """Twelve people find the ring in ours in half the time that they take in the baseline."""
     rows = []
@@ -208,6 +209,7 @@ def test_relative_rates_are_of_the_initial_luminance(importing) -> None:
     assert trials[0]["rate_cd_m2_s"] == pytest.approx(0.04 * 52.2)
 
 
+@pytest.mark.slow
 def test_imported_ramps_are_fitted_as_those_they_were_made_from(
     tmp_path, command, short_ramps, blank_pictures
 ) -> None:

@@ -34,6 +34,7 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves
 MAPPED = [kind for kind in KINDS if kind.record not in (LossCurves, BrightnessTrack)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", MAPPED, ids=lambda kind: kind.name)
 @settings(max_examples=1, deadline=None, derandomize=True)
 @given(data=st.data())

@@ -148,6 +148,7 @@ def write_text(path: Path, text: str) -> None:
     path.write_text(text, encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind.record not in ARRAYS], ids=lambda k: k.name)
 @settings(max_examples=3, deadline=None)
 @given(data=st.data())

@@ -111,7 +111,6 @@ def test_a_right_dataset_has_no_problem_and_every_file_is_checked(dataset: Path)
     }
 
 
-@pytest.mark.slow
 def test_the_writer_of_data_sets_and_the_checker_agree(tmp_path: Path) -> None:
     answer = CliRunner().invoke(
         command_line.app, ["simulate", "ramp", "--participants", "2", "--quiet", "--out", str(tmp_path / "d")]

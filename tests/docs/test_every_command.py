@@ -10,7 +10,6 @@ from reader_files import HAS
 
 from evenlight.help_pages import EXAMPLES
 
-pytestmark = pytest.mark.slow
 WITH_COMMANDS = [page for page in pages() if steps(page)]
 HELP = [Step(f"evenlight {words} --help", 0, text) for words, texts in EXAMPLES.items() for text in texts]
 

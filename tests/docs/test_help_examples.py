@@ -8,7 +8,7 @@ from reader_files import named
 
 from evenlight.help_pages import EXAMPLES
 
-pytestmark = [pytest.mark.slow, pytest.mark.every_page]
+pytestmark = pytest.mark.every_page
 
 
 @pytest.mark.parametrize("words", EXAMPLES)

@@ -20,8 +20,6 @@ from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.stimuli.field_renderer import Field
 from evenlight.stimuli.image_renderer import DimmedImage
 
-pytestmark = pytest.mark.slow
-
 
 @pytest.fixture(autouse=True)
 def no_graphics(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:

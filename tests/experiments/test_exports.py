@@ -18,8 +18,6 @@ from evenlight import command as command_line
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.storage.text_files import write_toml_record
 
-pytestmark = pytest.mark.slow
-
 VALIDATOR = Path(sys.executable).with_name("bids-validator-deno")
 CLASSIC = shutil.which("bids-validator")  # of the specification's years before the schema; needs node
 # The file names that the specification of Psych-DS, schema 1.5.0, allows.

@@ -36,8 +36,6 @@ from evenlight.stimuli.eyes import surfaces
 from evenlight.stimuli.eyes.surfaces import FlatScreen
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 
-pytestmark = pytest.mark.slow
-
 DISPLAY = load_display("varjo-xr3")
 EYE_SIZE = (96, 80)
 RIG = replace(load_rig("simulated-headset")[0], window_size=EYE_SIZE, full_screen=False)

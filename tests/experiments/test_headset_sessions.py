@@ -36,8 +36,6 @@ from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset, gentle_motion
 from evenlight.method.preset_files import load_display
 
-pytestmark = pytest.mark.slow
-
 RATE = 20.0  # [Hz]
 NAMES = ("bright", "dark")
 SIZE = (128, 128)

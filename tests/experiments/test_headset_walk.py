@@ -33,8 +33,6 @@ from evenlight.stimuli.scenes.engine.camera import EyeView
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 
-pytestmark = pytest.mark.slow
-
 DISPLAY = load_display("varjo-xr3")
 LIMIT = scalar_rate_limit(load_rate_limit("surace2025"))
 EYE_SIZE = (80, 64)

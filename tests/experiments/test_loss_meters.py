@@ -19,8 +19,6 @@ from evenlight.method.gpu.frame_loss import GpuLoss
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.sequence_format import codes_on_grid
 
-pytestmark = pytest.mark.slow
-
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 
 

@@ -26,8 +26,6 @@ from evenlight.stimuli.scenes.engine.scene import Material, Quality, Scene
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequence_format import SequenceFormat
 
-pytestmark = pytest.mark.slow
-
 SIZE = (48, 28)
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 

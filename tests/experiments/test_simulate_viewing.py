@@ -31,8 +31,6 @@ from evenlight.stimuli.rings.ring_scene import KeypointRings
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.scene import Vector
 
-pytestmark = pytest.mark.slow
-
 XR3 = load_display("varjo-xr3")
 NAMES = ("dark", "bright")
 DESIGNS = {

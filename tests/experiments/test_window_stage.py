@@ -19,8 +19,6 @@ from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.simulated.clocks import RefreshClock
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 
-pytestmark = pytest.mark.slow
-
 FALL = RampInterval(80.0, 70.0, 1.0, adaptation=1.0, duration=5.0, hold=1.0, noise_seed=9)
 
 

@@ -58,6 +58,7 @@ def test_flat_curves_leave_nothing_to_gain(make_curves) -> None:
     assert factor_at_loss(curves, np.full(6, 0.3)).min() >= 0.2
 
 
+@pytest.mark.slow
 def test_curves_that_jump(make_curves) -> None:
     factors = np.linspace(0.2, 1, KNOTS)
     jumps = np.array([0.3, 0.45, 0.6, 0.8, 0.5, 0.35])
@@ -88,6 +89,7 @@ def test_losses_below_all_floats(make_curves) -> None:
     solved(posed(curves))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "budget", [0.2, 0.2 + 1e-12, 0.2 + 1e-9, 0.2 + 1e-6, 1 - 1e-6, 1 - 1e-9, 1 - 1e-12, 1.0]
 )

@@ -53,6 +53,7 @@ def test_a_right_one_breaks_no_promise(kind: InstrumentKind) -> None:
     assert faults_found(subject_of(kind, RIGHT[kind])) == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "physics",
     [
@@ -254,6 +255,7 @@ class LeftDim(Lamp):
         self._closed = True
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mutant", "said"),
     [
@@ -334,6 +336,7 @@ def on_a_desk(kind: InstrumentKind, cls: type[Any], monkeypatch: pytest.MonkeyPa
     return Subject(kind, named, Screen(desk, lamp))  # type: ignore[arg-type] # as much of a window as is used
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("mutant", "said"),
     [

@@ -24,8 +24,6 @@ from evenlight.hardware.drivers.ddc_backlight import (
 )
 from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError
 
-pytestmark = pytest.mark.slow
-
 
 @contextmanager
 def on_the_desk(monitor: EmulatedMonitor, plan: FaultPlan | None = None) -> Iterator[DdcBacklight]:

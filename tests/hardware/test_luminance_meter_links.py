@@ -171,7 +171,6 @@ def test_a_late_reply_is_never_taken_for_that_to_a_later_question() -> None:
     each_driver(check, (1,), (2,))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fault", [LinkFault.LATE_REPLY, LinkFault.NO_REPLY, LinkFault.GARBAGE])
 def test_a_pr650_whose_values_are_late_does_not_give_those_of_an_earlier_measurement(
     simulation: Simulation, fault: LinkFault
@@ -327,7 +326,6 @@ def test_a_pr655_that_another_program_left_in_remote_mode_is_taken_over(simulati
         assert meter.read_luminance().value == pytest.approx(DIM, rel=0.015)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("fault", [LinkFault.NO_REPLY, LinkFault.LATE_REPLY])
 def test_a_pr655_whose_word_for_remote_mode_is_lost_or_late_is_asked_whether_it_is_in_it(
     fault: LinkFault, simulation: Simulation
@@ -346,6 +344,7 @@ def test_a_colorcal_sets_its_zero_in_the_dark_only(simulation: Simulation) -> No
         meter.zero()
 
 
+@pytest.mark.slow
 def test_a_reading_that_fails_on_its_way_says_so_and_the_next_one_is_right() -> None:
     def check(name: str, simulation: Simulation, fault: LinkFault, expected: Fault) -> None:
         bench = BENCHES[name]
@@ -365,6 +364,7 @@ def test_a_reading_that_fails_on_its_way_says_so_and_the_next_one_is_right() -> 
     )
 
 
+@pytest.mark.slow
 def test_an_instrument_that_fails_while_it_is_opened_leaves_no_port_open() -> None:
     def check(name: str, simulation: Simulation, fault: LinkFault) -> None:
         plan = FaultPlan(fault, first=BENCHES[name].vital, delay=LATE)

@@ -20,8 +20,6 @@ from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
-pytestmark = pytest.mark.slow
-
 PATIENT = 30.0  # [s] that the emulated device's thread may be held up
 FULL = 0.2945 + 0.001858 * 200  # [W]
 

@@ -4,12 +4,9 @@ import os
 from collections.abc import Callable
 from pathlib import Path
 
-import pytest
 from warm_evenlight import said_by
 
 from evenlight.hardware.rig_windows import open_pointer
-
-pytestmark = pytest.mark.slow
 
 
 def test_movements_are_heard_upwards_and_without_end_until_it_is_let_go(

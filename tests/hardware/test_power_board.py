@@ -22,8 +22,6 @@ from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 from evenlight.hardware.simulated.power_meter import PowerMeterPhysics
 
-pytestmark = pytest.mark.slow
-
 BASE, SLOPE = 0.2945, 0.001858 * 200  # [W] of the panel: P(b) = BASE + SLOPE * b
 TIMEOUT = 30.0  # [s]
 

@@ -30,8 +30,6 @@ from evenlight.hardware.protocols import TRANSIENT, Fault, InstrumentError, Powe
 from evenlight.hardware.simulated.clocks import WaitingClock
 from evenlight.hardware.simulated.panel import PanelPhysics, SimulatedPanel, Simulation
 
-pytestmark = pytest.mark.slow
-
 FULL, DIMMED = 0.6661, 0.2945 + 0.001858 * 200 * 0.25  # [W] of the panel at b = 1 and 0.25
 PATIENT = 30.0  # [s] where nothing is to be waited for
 TIMEOUT = 0.35  # [s] where it is waited for

@@ -14,8 +14,6 @@ from warm_evenlight import said_by
 import evenlight
 from evenlight.hardware.presentation.psychopy_install import how_to_install
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(evenlight.__file__).parents[1]
 Drawn = dict[str, Any]
 

@@ -142,7 +142,6 @@ def test_the_lower_edge_of_the_band_can_be_obeyed_instead() -> None:
 HUNDREDTHS = st.integers(0, 100).map(lambda k: k / 100)
 
 
-@pytest.mark.slow
 @settings(max_examples=60)  # of up to 25 steps each
 @given(
     st.lists(st.tuples(HUNDREDTHS, st.sampled_from([0.0, 0.1, 5.0, 60.0, 104.0])), min_size=2, max_size=25),
@@ -174,7 +173,6 @@ def steps_of(
     return make_curves(strength, luminance=luminance, frames_per_second=rate)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("limit", [PAPER, free], ids=["rate limit", "no limit"])
 @pytest.mark.parametrize(
     ("strong", "rate"), [(0.15, 12.5), (0.4, 12.5), (1.0, 5.0), (1.0, 12.5), (0.4, 90.0)]
@@ -282,7 +280,6 @@ def test_a_video_of_one_frame_has_one_factor(make_curves: Callable[..., LossCurv
 DARK_TO_WHITE = st.sampled_from([0.0, 5e-324, 1e-4, 0.1, 60.0, 104.4])
 
 
-@pytest.mark.slow
 @settings(max_examples=80)
 @given(
     st.lists(st.tuples(st.sampled_from([0.0, 0.02, 0.3, 1.0]), DARK_TO_WHITE), min_size=2, max_size=20),
@@ -387,6 +384,7 @@ def test_no_frame_beyond_the_lookahead_changes_a_factor(make_curves: MakeCurves,
     assert seen.targets[100] != tracks[0].targets[100]  # the factor may be at its limit either way
 
 
+@pytest.mark.slow
 def test_two_seconds_close_half_of_the_gap(make_curves: MakeCurves) -> None:
     """Between the PID controller with its governor and the optimizer, which knows the whole film.
 

@@ -212,7 +212,6 @@ def test_authors_labels_are_a_quarter():
     np.testing.assert_allclose(got, [9.035, 4.5175, 2.25875, 1.129375, 0.5646875])
 
 
-@pytest.mark.slow
 def test_centroids_are_those_of_the_filters():
     """Mean power of each band's response to a sinusoid, over all frequencies up to Nyquist."""
     shares, length, depth = np.linspace(0.002, 1, 200), 513, 5

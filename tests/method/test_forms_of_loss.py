@@ -79,11 +79,9 @@ def one_factor_in_shaders(frame, display, model, factors):
 FORMS = (one_pass, one_pass_in_shaders, one_factor, one_factor_in_shaders)
 each_form = pytest.mark.parametrize(
     "form",
-    [pytest.param(form, marks=pytest.mark.slow if "shaders" in form.__name__ else ()) for form in FORMS],
+    FORMS,
 )
-of_a_pass = pytest.mark.parametrize(
-    "form", [one_pass, pytest.param(one_pass_in_shaders, marks=pytest.mark.slow)]
-)
+of_a_pass = pytest.mark.parametrize("form", [one_pass, one_pass_in_shaders])
 
 
 def defined(frame, display=HEADSET, model=DEFAULT_MODEL, factors=FACTORS):
@@ -96,7 +94,6 @@ def error_of(form, frame, display=HEADSET, model=DEFAULT_MODEL, factors=FACTORS)
     return np.abs(form(frame, display, model, factors) - defined(frame, display, model, factors)).max()
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("display", DISPLAYS.values(), ids=DISPLAYS)
 def test_every_picture_has_the_loss_of_the_definition_to_a_thousandth(display):
     factors, errors = FACTORS[[0, 3, 6]], {}
@@ -126,7 +123,6 @@ def test_so_it_is_of_hard_pictures_where_visibility_is_soft_or_contrast_counts(m
         assert error_of(one_pass, frame_of(shown[name]), display, model) < 1e-3, name
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "choice",
     [{}, {"masking": MaskingNeighbourhood.WITHOUT_CENTRE}, {"masking_strength": 0.0},
@@ -266,7 +262,7 @@ def whole_pass(shape: tuple[int, int], on_gpu: bool) -> Callable:
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.float32, np.float64])
-@pytest.mark.parametrize("on_gpu", [False, pytest.param(True, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("on_gpu", [False, True])
 def test_every_kind_of_pixel_value_is_converted_as_the_definition_does(on_gpu, dtype):
     picture = np.random.default_rng(6).random((23, 31, 3))  # an odd number of bytes in all
     top = np.iinfo(dtype).max if np.issubdtype(dtype, np.integer) else 1

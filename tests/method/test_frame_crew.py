@@ -99,6 +99,7 @@ def slow_analysis(monkeypatch):
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("jobs", [1, 3])
 @pytest.mark.usefixtures("slow_analysis")
 def test_few_frames_are_in_memory_however_long_the_video(jobs, monkeypatch):

@@ -160,6 +160,7 @@ def test_what_is_out_of_reach_winds_nothing_up(make_curves: Callable[..., LossCu
     assert abs(held.factors[-600:].mean() - 0.5) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("budget", [0.3, 0.8, 0.95])
 @pytest.mark.parametrize(("horizon", "rate"), [(20.0, 20.0), (40.0, 5.0), (60.0, 10.0)])
 def test_a_bound_on_the_way_is_left_again(

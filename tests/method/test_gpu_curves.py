@@ -27,8 +27,6 @@ from evenlight.method.gpu import one_pass
 from evenlight.method.gpu.frame_loss import GpuFrameAnalysis, GpuLoss
 from evenlight.method.gpu.pyramid import SUM_WORDS, FrameTexture, GpuPyramid, packed, sums_of
 
-pytestmark = pytest.mark.slow
-
 HEADSET = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 
 LEVELS = 5

@@ -19,8 +19,6 @@ from evenlight.method.contrast.loss_curves import analyze_frames, brightness_fac
 from evenlight.method.gpu.context import OwnContext, compute_context, is_software, require_compute
 from evenlight.method.gpu.frame_loss import GpuFrameAnalysis, GpuLoss
 
-pytestmark = pytest.mark.slow
-
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=60.0)
 FACTORS = brightness_factors(0.2, 7)
 FRAME = frame_of(np.random.default_rng(0).random((16, 24)))

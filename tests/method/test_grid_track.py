@@ -62,7 +62,6 @@ def cost_by_trying_all(cost, cells: GridCells, miss: float) -> float:
     return float(cost[frame, tracks].sum(axis=1)[kept].min(initial=np.inf))
 
 
-@pytest.mark.slow
 @given(st.integers(0, 10**6))
 @example(7712)  # even the lowest cells use more than the budget
 @example(8141)
@@ -279,7 +278,6 @@ def bound(costs: ChainCosts, places: int, block_moves: float, per_knot: int) -> 
     return cheapest_chain(costs, rates, np.full(n - 1, step), blocks, per_knot)
 
 
-@pytest.mark.slow
 @settings(max_examples=60)
 @given(st.integers(0, 10_000), st.integers(2, 24), st.sampled_from([0, 1, 3, 7, 20]), st.integers(1, 40))
 def test_no_chain_costs_less_whatever_the_blocks_and_cells(seed, n, moves, per_knot) -> None:

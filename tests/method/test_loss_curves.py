@@ -290,6 +290,7 @@ def test_the_inverse_of_sensitivity_gives_the_luminance_back(f, black, reflected
     np.testing.assert_allclose(np.interp(np.log2(e), steps, table.log_sensitivity), log_s, atol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sensitivity", [S for S in SensitivityModel if S is not SensitivityModel.CASTLE])
 @pytest.mark.parametrize("peak", [0.5, 100.0, 1e4])
 @pytest.mark.parametrize("reflected", [0.0, 10.0])

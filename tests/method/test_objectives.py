@@ -43,7 +43,6 @@ def test_matches_equation_as_printed(loss: np.ndarray) -> None:
     assert pairwise_spread(loss) == pytest.approx(spread_as_printed(loss), abs=1e-12)
 
 
-@pytest.mark.slow
 @given(losses, st.floats(-5, 5))
 def test_a_common_level_of_loss_costs_nothing(loss: np.ndarray, level: float) -> None:
     assert pairwise_spread(loss + level) == pytest.approx(pairwise_spread(loss), abs=1e-12)

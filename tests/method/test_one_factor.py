@@ -188,6 +188,7 @@ def test_forms_of_loss_by_hand():
     assert contrast_loss.loss_of(0.1, 0.4, LossForm.ABSOLUTE) == pytest.approx(0.3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("picture", ["photograph", "black letters"])
 def test_where_sensitivity_falls_with_luminance_one_pass_still_does(picture, monkeypatch):
     def falling(f, L, *_):

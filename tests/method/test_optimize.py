@@ -58,7 +58,6 @@ def solve(problem: Problem, name: SolverName) -> Solution:
     return optimize(problem, make_solver(name, np.random.default_rng(1)))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 @pytest.mark.parametrize("budget", [0.2, 0.3, 0.5, 0.8, 1.0])
 def test_budget_rate_limit_and_bounds_are_met_and_the_baseline_is_not_better(
@@ -73,7 +72,6 @@ def test_budget_rate_limit_and_bounds_are_met_and_the_baseline_is_not_better(
     assert problem.objective(factors) <= problem.objective(problem.baseline()) + 1e-12
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) -> None:
     problem = make_problem(two_scenes(make_curves, 40), 0.5)
@@ -88,7 +86,6 @@ def test_no_feasible_nudge_improves_the_answer(make_curves, make_problem, name) 
                 assert problem.objective(feasible) >= problem.objective(answer) - 2e-6
 
 
-@pytest.mark.slow
 def test_the_two_solvers_agree(make_curves, make_problem) -> None:
     problem = make_problem(two_scenes(make_curves), 0.5)
     ours, paper = (problem.objective(solve(problem, name).factors) for name in SOLVERS)
@@ -151,7 +148,6 @@ def test_slsqp_refuses_a_long_video_and_names_the_other_solver(make_curves, make
         solve(make_problem(make_curves(np.full(501, 0.3)), 0.5), SolverName.SLSQP)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("budget", [0.3, 0.5, 0.8])
 def test_the_lower_bound_lies_below_every_track_that_any_solver_finds(
     make_curves, make_problem, budget
@@ -171,7 +167,6 @@ def test_the_lower_bound_is_nearly_reached_on_convex_curves(make_curves, make_pr
     assert lower_bound(problem, ours) > 0.9 * problem.objective(ours.factors)
 
 
-@pytest.mark.slow
 def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
     make_curves, make_problem, monkeypatch
 ) -> None:
@@ -184,7 +179,6 @@ def test_a_second_w_along_chords_lifts_the_bound_of_an_answer_with_poor_weights(
     assert lower_bound(problem, poor) < both <= problem.objective(ours.factors)
 
 
-@pytest.mark.slow
 def test_the_frame_weights_lie_in_the_permutahedron(make_curves, make_problem) -> None:
     # Sums of the k largest entries are at most those of the k largest order weights, and all add up to 0.
     problem = make_problem(two_scenes(make_curves), 0.5)
@@ -339,7 +333,6 @@ def test_the_least_cost_of_the_rows_is_the_pair_sum(n, even, seed) -> None:
     assert found.fun == pytest.approx(pairwise_spread(loss, weights) * weight_of_pairs(weights), abs=1e-7)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("solver", GENERAL)
 def test_a_general_solver_agrees_with_ours_on_convex_curves(make_curves, make_problem, solver) -> None:
     share = 1 / (1 + np.exp(-np.linspace(-5, 5, 14)))
@@ -413,7 +406,6 @@ def test_a_coarse_problem_has_the_budget_and_the_weights_of_the_full_one(
     assert is_feasible(problem, fine.factors)
 
 
-@pytest.mark.slow
 def test_the_bound_says_as_much_of_a_long_video_as_of_a_short_one(make_curves, make_problem) -> None:
     share = []
     for n in (1500, 6000):
@@ -429,7 +421,6 @@ def test_the_bound_says_as_much_of_a_long_video_as_of_a_short_one(make_curves, m
 # --- more searches
 
 
-@pytest.mark.slow
 def test_more_searches_are_no_worse_and_the_default_takes_more_than_one() -> None:
     problem = mean_factor_problem(made_curves(LONG + 20, np.random.default_rng(3), 0.5), 0.5)
     answers = [optimize(problem, SplittingSolver(searches=k)).factors for k in (1, 2, 3)]
@@ -485,7 +476,6 @@ class OffTheBudget:
         return replace(answer, factors=answer.factors + self.by)
 
 
-@pytest.mark.slow
 def test_an_answer_is_held_to_the_budget_that_the_bound_covers(make_curves, make_problem) -> None:
     problem = make_problem(make_curves(np.linspace(0.2, 0.3, 4), luminance=30.0), 0.5)
     for by in (1e-7, -1e-7):
@@ -527,7 +517,6 @@ def test_a_track_is_optimized_and_certified_in_one_thread(
     assert seen == [{1}, {1}]
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLVERS)
 def test_the_scene_that_loses_more_gets_more_light(make_curves, make_problem, name) -> None:
     factors = solve(make_problem(two_scenes(make_curves), 0.5), name).factors
@@ -545,7 +534,6 @@ def test_a_curve_that_jumps_and_one_that_is_not_monotone_are_survived(make_curve
     assert problem.rate_ratio(factors) <= 1 + 1e-9
 
 
-@pytest.mark.slow
 def test_ten_thousand_frames_each_get_their_own_factor(make_curves, make_problem) -> None:
     i = np.arange(10_000)
     curves = make_curves(
@@ -559,7 +547,6 @@ def test_ten_thousand_frames_each_get_their_own_factor(make_curves, make_problem
     assert len(np.unique(factors)) > 9_000
 
 
-@pytest.mark.slow
 def test_poor_weights_make_the_bound_poor_but_never_wrong(make_curves, make_problem) -> None:
     problem = make_problem(two_scenes(make_curves), 0.5)
     ours = solve(problem, SolverName.SPLITTING)

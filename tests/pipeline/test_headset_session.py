@@ -4,14 +4,10 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from evenlight.data_schema.recordings.dataset_layout import FRAMES, HEADSET
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.hardware.rig_files import load_rig
-
-pytestmark = pytest.mark.slow
 
 DESIGN = RampDesign(
     screens=("white",), factors=(0.4, 0.9), relative_rates=(0.1, 0.4), repetitions=1, catch_share=0.2,

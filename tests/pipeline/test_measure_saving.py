@@ -97,7 +97,6 @@ def measured(request: PassRequest, folder: Path) -> DeviceSaving:
     return device_saving(passes, request, apparatus, folder)
 
 
-@pytest.mark.slow
 def test_a_simulated_device_saves_what_its_panel_does(command: Any, tmp_path: Path) -> None:
     """By hand: the panel takes 0.2945 W and 0.001858 W m²/cd; from 200 to 120 cd/m² that is 22.3 % less."""
     out = tmp_path / "power"
@@ -119,7 +118,6 @@ def test_a_simulated_device_saves_what_its_panel_does(command: Any, tmp_path: Pa
     assert command("validate", out).code == 0
 
 
-@pytest.mark.slow
 def test_it_measures_an_emulated_phone(command: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     attach(monkeypatch)
     words = ("--rounds", "2", "--seconds", "4", "--settle-s", "0.1", "--rate-hz", "20")
@@ -129,7 +127,6 @@ def test_it_measures_an_emulated_phone(command: Any, tmp_path: Path, monkeypatch
     assert json.loads((out / "saving.json").read_text())["saving_percent"] == pytest.approx(22.3, abs=1.0)
 
 
-@pytest.mark.slow
 def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_count(
     laptop: Path, clock: LaptopsClock, tmp_path: Path
 ) -> None:
@@ -148,7 +145,6 @@ def test_a_program_plays_each_version_and_what_the_gauge_shows_late_does_not_cou
     assert any("one value for up to" in note and "--settle-s of at least" in note for note in saving.notes)
 
 
-@pytest.mark.slow
 def test_a_person_is_asked_to_start_each_version(laptop, clock, tmp_path) -> None:
     questions = []
     request = PassRequest(f"battery:{laptop}", {"full": "a.mp4", "dimmed": "b.mp4"}, 2, 0.5, 0.0, 20.0, "")
@@ -275,7 +271,6 @@ def test_ended_early_it_tells_of_what_was_measured_if_that_is_enough(tmp_path, a
     assert "It was ended after 5 of 8 passes." in saving.notes
 
 
-@pytest.mark.slow
 def test_a_cable_that_is_plugged_in_keeps_the_passes_before(laptop, clock, tmp_path) -> None:
     def charge(line: str) -> None:
         if line.startswith("pass 2 "):

@@ -32,7 +32,6 @@ from evenlight.analysis.plans.questions import RampQuestion, SearchTruth
 from evenlight.analysis.reproduction import reproduction
 from evenlight.cluster import opened_cluster
 
-pytestmark = pytest.mark.slow
 PLANS = {
     "ramp": ("--participants", "2,3", "--trials", "20", "--design", "yes_no_targeted"),
     "rating": ("--participants", "6,8"),

@@ -39,8 +39,6 @@ from evenlight.data_schema.tracks.brightness_track import (
     write_track,
 )
 
-pytestmark = pytest.mark.slow
-
 SHOWN_CHOICES = """return [...document.querySelectorAll('#picture input:not(#seek), #legend, #notes')]
     .filter(e => e.checkVisibility()).map(e => e.id || e.value).join()"""  # of what to see of the picture
 

@@ -84,7 +84,6 @@ def test_a_damaged_field_of_view_is_named(command, tmp_path, tag) -> None:
         open_video(str(path))
 
 
-@pytest.mark.slow
 def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command, rendered, tmp_path) -> None:
     told = command("optimize", "--no-player", rendered, "--budget", 0.5, "--out", tmp_path / "seen")
     assert "board: analysed at 90°, 0.838 pixels/°" in told.err

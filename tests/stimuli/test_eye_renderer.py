@@ -38,8 +38,6 @@ from evenlight.stimuli.renderers import field_renderer, image_renderer
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.sequence_format import on_grid
 
-pytestmark = pytest.mark.slow
-
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=20.0)
 
 ROOM = Display("room", 250.0, 0.4, 1.9, pixels_per_degree=20.0, reflected_luminance=3.0)

@@ -172,6 +172,7 @@ def require_the_same(video: VideoSource, numbers: tuple[int, ...]) -> None:
     assert found == [every[number] for number in numbers]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kind", ENCODERS)
 def test_frames_of_a_file(kind: str, tmp_path: Path) -> None:
     name, codec, options = ENCODERS[kind]

@@ -180,6 +180,7 @@ def places(tree, at=()) -> Iterator[tuple[str | int, ...]]:
             yield from places(value, (*at, key))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("value", [5, "x", [], {}, None, -1, 1e30], ids=repr)
 def test_a_value_of_any_kind_anywhere_is_read_or_refused_in_one_line(tmp_path, value):
     glb = room()

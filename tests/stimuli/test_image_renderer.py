@@ -23,8 +23,6 @@ from evenlight.stimuli.dithering import (
 from evenlight.stimuli.image_renderer import DimmedImage, Image, ImageRenderer
 from evenlight.stimuli.sequence_format import on_grid
 
-pytestmark = pytest.mark.slow
-
 LAB = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=60.0)
 ROOM = Display("room", 250.0, 0.4, 1.9, pixels_per_degree=60.0, reflected_luminance=3.0)
 WINDOW, VIDEO = (97, 63), (61, 38)  # one margin odd: 18 pixels to each side, 12 above and 13 below

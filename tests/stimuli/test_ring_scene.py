@@ -183,7 +183,6 @@ def annulus(picture: Shown) -> np.ndarray:
     return np.asarray((angle > 2.5 * picture.ring.gap) & (angle < 5 * picture.ring.gap))
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("factor", [1.0, 0.6, 0.25])
 @pytest.mark.parametrize("display", [HEADSET, ROOM])
 def test_in_the_window_the_ring_differs_by_its_contrast_times_the_dimmed_light(

@@ -24,8 +24,6 @@ from evenlight.stimuli.scenes.engine.model import SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import SEED, Floats, Material, Scene
 
-pytestmark = pytest.mark.slow
-
 PATHS = ("living_room", "basement", "house")
 
 SIZE = 128  # of the textures [pixels]

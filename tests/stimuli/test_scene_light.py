@@ -11,8 +11,6 @@ from evenlight.stimuli.scenes.engine.model import Material, SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Quality
 
-pytestmark = pytest.mark.slow
-
 SIZE = (64, 48)
 
 

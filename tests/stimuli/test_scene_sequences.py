@@ -22,8 +22,6 @@ from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequence_format import SequenceFormat
 from evenlight.stimuli.sequences import WALKS, built_in_sequence
 
-pytestmark = pytest.mark.slow
-
 ROOT = Path(__file__).resolve().parents[2]
 SIZE = (160, 90)
 REC_709 = np.array([0.2126, 0.7152, 0.0722])

@@ -10,8 +10,6 @@ from evenlight.stimuli.checkerboard import white_tiles
 from evenlight.stimuli.sequence_format import on_grid
 from evenlight.stimuli.sequences import SEQUENCES, WALKS, built_in_sequence, open_video
 
-pytestmark = pytest.mark.slow
-
 SMALL = (96, 54)
 
 # Those that are painted; walks through scenes are tested in test_scene_sequences.py.

@@ -19,8 +19,6 @@ from evenlight.stimuli.scenes.engine.renderer import BRIGHTEST, SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import direction_of
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 
-pytestmark = pytest.mark.slow
-
 SIZE = (320, 240)
 HERE = (1.0, 2.0, 1.65)
 SPAN = math.tan(0.7) + math.tan(0.9)

@@ -19,8 +19,6 @@ from evenlight.stimuli.scenes.engine.model import SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 
-pytestmark = pytest.mark.slow
-
 SIZE = (320, 240)
 HERE = (1.0, 2.0, 1.65)
 EVEN = EyeFov(-0.7, 0.7, 0.6, -0.6)

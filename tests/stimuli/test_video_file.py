@@ -99,6 +99,7 @@ def test_the_hash_is_that_of_the_file_and_the_name_its_stem(tmp_path):
     assert open_video_file(path).name == "clip"
 
 
+@pytest.mark.slow
 def test_memory_does_not_grow_with_the_length(tmp_path):
     def peak(frames):
         path = encode(tmp_path / f"{frames}.mp4", stamps=range(frames), size=(320, 240))
@@ -164,6 +165,7 @@ def test_a_frame_rate_for_a_video_file_is_refused(tmp_path):
         open_video(str(path), fps=30)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("share", [0.3, 0.6, 0.9])
 @pytest.mark.parametrize(
     ("name", "codec", "pixel_format"),
@@ -223,6 +225,7 @@ def test_a_single_changed_bit_of_a_lossless_file_is_noticed(tmp_path):
         open_video(str(path))
 
 
+@pytest.mark.slow
 def test_the_decoder_says_nothing_on_its_own(tmp_path):
     """FFmpeg's own complaints about a damaged file stay away from the terminal of a fresh program."""
     path = encode(tmp_path / "a.mp4", "mpeg4")

@@ -219,6 +219,7 @@ def test_all_frames_names_times_and_hashes_are_those_of_the_file(clip: Path, fil
         assert last.time == pytest.approx(9 / 5)
 
 
+@pytest.mark.slow
 def test_results_are_byte_for_byte_those_of_the_file_without_a_secret(
     command, tmp_path, clip, film, blank_pictures
 ) -> None:
@@ -248,6 +249,7 @@ def test_the_interface_reads_them_too(clip: Path, film: str) -> None:
     assert here.provenance == there.provenance
 
 
+@pytest.mark.slow
 def test_a_dimmed_file_is_the_same(command, tmp_path, clip, film, blank_pictures) -> None:
     options = (*OPTIONS, "--no-player", "--quiet", "--out", tmp_path / "track")
     assert command("optimize", clip, *options).code == 0
@@ -278,6 +280,7 @@ def noise(path: Path, codec: str, n_frames: int) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_a_frame_far_into_a_film_takes_a_few_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(video_locations, "BLOCK", 1 << 16)
     path = noise(tmp_path / "long.mkv", "rawvideo", 200)
