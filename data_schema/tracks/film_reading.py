@@ -25,9 +25,12 @@ class FilmReading:
     )
     picture_start: float = quantity(
         "s",
-        "when the first frame appears on the clock of the file, by which players tell positions",
+        "from the file's first stamp, of sound too, to the first frame",
         key="picture_start_s",
         default=0.0,
+    )
+    file_start: float = quantity(
+        "s", "the file's first stamp; most players count from it", key="file_start_s", default=0.0
     )
     file_duration: float | None = quantity(
         "s",

@@ -56,11 +56,13 @@ def follow_as_asked(options: FollowOptions) -> None:
     with ExitStack() as stack:
         player = None
         if options.socket is not None:
-            player = stack.enter_context(join_mpv(options.socket, options.video, film.times))
+            player = stack.enter_context(join_mpv(options.socket, options.video, film.times, film.reading))
         # Its end comes before those on the stack, which may take a moment.
         with watched_backlight(backlight, curve) as device:
             follower = LimitedBacklight(device, film, rate_limit)
-            player = player or stack.enter_context(start_mpv(options.video, film.times, arguments))
+            player = player or stack.enter_context(
+                start_mpv(options.video, film.times, arguments, film.reading)
+            )
             tell(_begun(options, device, follower))
             following = FollowLoop(player, follower, time.monotonic, tell, _log(options.log, stack))
             stack.callback(lambda: tell(following.summary()))
@@ -132,7 +134,7 @@ def _wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, Sca
     require_light_of(loaded.track, shown_on, track_file(options.track))
     limit = track_rate_limit(loaded.track, options.rate_limit)
     fastest = scalar_rate_limit(limit, shown_on.reflected_luminance, options.limit_curve)
-    return film_light(loaded, shown_on, video.reading.picture_start), fastest
+    return film_light(loaded, shown_on, video.reading), fastest
 
 
 def _begun(options: FollowOptions, device: Backlight, follower: LimitedBacklight) -> str:

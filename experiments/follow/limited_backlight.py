@@ -8,7 +8,7 @@ still, or a program that was held up, has saved up no jump.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, frame_durations
 from evenlight.hardware.protocols import Backlight
 from evenlight.method.choices import ModulatedLuminance
@@ -41,16 +42,18 @@ class FilmLight:
     factors: Array  # (N,): b of each
     luminance: Array  # (N,): Ī, the luminance at factor 1 that the rate limit is about [cd/m^2]
     white: float  # that of a white screen [cd/m^2], for what is on screen when the film is not
+    reading: FilmReading = field(default_factory=FilmReading)  # which video it is, where its stamps begin
 
 
-def film_light(loaded: LoadedTrack, display: Display, begin: float = 0.0) -> FilmLight:
-    """Return what a track wants of a display's backlight; its first frame appears at `begin` [s]."""
+def film_light(loaded: LoadedTrack, display: Display, reading: FilmReading) -> FilmLight:
+    """Return what a track wants of a display's backlight, for a film that begins as it was read."""
     track = loaded.track
-    times, factors = np.asarray(track.times) + begin, np.asarray(track.factors)
+    times, factors = np.asarray(track.times) + reading.picture_start, np.asarray(track.factors)
     luminance = np.maximum(np.asarray(track.mean_luminance) - display.reflected_luminance, 0.0) / factors
     if loaded.modulated == ModulatedLuminance.WHITE_FIELD.value:
         luminance = np.full(len(factors), display.peak_luminance)
-    return FilmLight(times, frame_durations(track), factors, luminance, display.peak_luminance)
+    durations = frame_durations(track)
+    return FilmLight(times, durations, factors, luminance, display.peak_luminance, reading)
 
 
 def track_rate_limit(track: BrightnessTrack, given: str | None) -> RateLimit:

@@ -13,11 +13,13 @@ import shutil
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.experiments.follow.playback_state import OBSERVED, PlaybackState
 from evenlight.hardware.protocols import ContextDevice, Fault, InstrumentError
 
@@ -27,6 +29,7 @@ ENDING = 5.0  # [s] that it may take to end
 LOOK = 0.02  # [s] between two looks at what it plays
 CHUNK = 65536
 REFUSED = 1  # mpv's exit code for options that it does not take
+UNKNOWN = FilmReading()
 NORMAL_ENDS = ("eof", "quit", "stop", "redirect")
 
 
@@ -43,8 +46,8 @@ class MpvPlayer(ContextDevice):
         When its frames appear [s].
     process : Popen, optional
         The player, if it was started here: it is ended with this.
-    clock : callable, optional
-        Of the times at which messages come [s].
+    reading : FilmReading
+        Which of the file's videos it is, and where its stamps begin.
     """
 
     def __init__(
@@ -53,12 +56,12 @@ class MpvPlayer(ContextDevice):
         video: Path,
         times: Array,
         process: subprocess.Popen[bytes] | None = None,
-        clock: Callable[[], float] = time.monotonic,
+        reading: FilmReading = UNKNOWN,
     ) -> None:
-        self._connection, self._video, self._process, self._clock = connection, video, process, clock
+        self._connection, self._video, self._process, self._reading = connection, video, process, reading
         self._name, self._rest, self._gone = "mpv", b"", False
-        self.state = PlaybackState(times, self._is_film)
-        for number, name in enumerate(OBSERVED, start=1):
+        self.state = PlaybackState(times, self._is_film, reading.file_start)
+        for number, name in enumerate((*OBSERVED, "track-list"), start=1):
             self._send("observe_property", number, name)
 
     def wait(self, seconds: float) -> None:
@@ -73,7 +76,7 @@ class MpvPlayer(ContextDevice):
                 got = b""
             self._gone = not got
             *lines, self._rest = (self._rest + got).split(b"\n")
-            now = self._clock()
+            now = time.monotonic()
             for line in lines:
                 try:
                     message = json.loads(line)
@@ -81,6 +84,8 @@ class MpvPlayer(ContextDevice):
                     continue
                 if isinstance(message, dict):
                     self.state.take(message, now)
+                    if message.get("name") == "track-list":
+                        self._choose(message.get("data") or [])
         time.sleep(max(end - time.monotonic(), 0.0))
 
     def ended(self) -> bool:
@@ -145,6 +150,12 @@ class MpvPlayer(ContextDevice):
         with contextlib.suppress(OSError):
             self._connection.sendall(json.dumps({"command": command}).encode() + b"\n")
 
+    def _choose(self, tracks: list[dict[str, Any]]) -> None:
+        """Have that of several videos played that the track is for."""
+        for track in tracks:
+            if track.get("type") == "video" and track.get("ff-index") == self._reading.stream:
+                self._send("set_property", "vid", track["id"])
+
     def _is_film(self, path: str, folder: str) -> bool:
         """Return whether a path, as the player has it, is the film's."""
         try:
@@ -160,7 +171,7 @@ class MpvPlayer(ContextDevice):
         return None
 
 
-def join_mpv(path: Path, video: Path, times: Array) -> MpvPlayer:
+def join_mpv(path: Path, video: Path, times: Array, reading: FilmReading = UNKNOWN) -> MpvPlayer:
     """Return a player that runs and plays the film, by its IPC socket; closing this leaves it running.
 
     Raises
@@ -179,10 +190,12 @@ def join_mpv(path: Path, video: Path, times: Array) -> MpvPlayer:
             f"--socket {path}: no player listens there ({error.strerror or error}); start one with "
             f"mpv --input-ipc-server={path} {video}"
         ) from None
-    return _playing(MpvPlayer(connection, video, times))
+    return _playing(MpvPlayer(connection, video, times, reading=reading))
 
 
-def start_mpv(video: Path, times: Array, arguments: Sequence[str] = ()) -> MpvPlayer:
+def start_mpv(
+    video: Path, times: Array, arguments: Sequence[str] = (), reading: FilmReading = UNKNOWN
+) -> MpvPlayer:
     """Return a player that plays the film, started with more arguments, in a session of its own.
 
     It has one end of a pair of sockets, which nobody else can reach, and quits when ours is closed, as the
@@ -205,7 +218,7 @@ def start_mpv(video: Path, times: Array, arguments: Sequence[str] = ()) -> MpvPl
             [program, *words, "--", os.fspath(video)], stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL, start_new_session=True, pass_fds=[its.fileno()],
         )  # fmt: skip
-    return _playing(MpvPlayer(ours, video, times, process))
+    return _playing(MpvPlayer(ours, video, times, process, reading))
 
 
 def _playing(player: MpvPlayer) -> MpvPlayer:

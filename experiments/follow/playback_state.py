@@ -18,7 +18,10 @@ from evenlight.data_schema.arrays import Array
 STAMP_ROUNDING = 2e-3  # [s] by which a file may round the times of its frames
 LATE = 0.1  # [s] by which a message, or a picture, may be late; more is another position
 CORRECTION = 0.1  # share of a lateness that each message corrects: most is the message's own
-OBSERVED = ("working-directory", "path", "idle-active", "time-pos", "speed", "core-idle", "seeking")
+OBSERVED = (
+    "working-directory", "path", "idle-active", "rebase-start-time", "demuxer-start-time", "time-pos",
+    "speed", "core-idle", "seeking",
+)  # fmt: skip
 
 
 class PlaybackState:
@@ -30,6 +33,8 @@ class PlaybackState:
         When the frames of the film appear [s].
     is_film : callable
         Whether a path, as the player has it, from the player's folder, is the film's: `(path, folder)`.
+    start : float
+        First stamp of the file, where `times` begin; not of all formats is it the player's 0 [s].
 
     Attributes
     ----------
@@ -45,8 +50,9 @@ class PlaybackState:
         What was wrong with that file.
     """
 
-    def __init__(self, times: Array, is_film: Callable[[str, str], bool]) -> None:
-        self._times, self._is_film = times, is_film
+    def __init__(self, times: Array, is_film: Callable[[str, str], bool], start: float = 0.0) -> None:
+        self._times, self._is_film, self._start = times, is_film, start
+        self._rebases, self._zero = True, start  # of the player: whether its 0 is a stamp, and which [s]
         self._folder = ""
         self._announced: float | None = None  # the position that the player has named last
         self._anchor = 0.0, 0.0  # a moment, and the position on screen then [s]
@@ -88,7 +94,12 @@ class PlaybackState:
     def _changed(self, name: str, value: Any, now: float) -> None:
         """Take the new value of a property."""
         if name == "time-pos":
-            self._hear(None if value is None else float(value), now)
+            zero = self._zero if self._rebases else 0.0
+            self._hear(None if value is None else float(value) + zero - self._start, now)
+        elif name == "rebase-start-time":
+            self._rebases = value is not False
+        elif name == "demuxer-start-time":
+            self._zero = self._start if value is None else float(value)
         elif name in ("speed", "core-idle"):
             moved = self.position(now)
             if name == "speed":

@@ -3,6 +3,7 @@
 -- takes the scale from a texture of one pixel, so that nothing is compiled again when it changes.
 
 local DURATION, FRAME = @DURATION@, @FRAME@ -- [s] of the video, and of one of its frames
+local START = @START@ -- [s]: the first stamp of the file; most files are played as if it were 0
 local STREAM = @STREAM@ -- of the file, as FFmpeg counts them; nil if it has one video only
 local TRACK = [[
 @TRACK@
@@ -73,7 +74,7 @@ end
 local function refusal() -- what is not known yet when a file is loaded is asked again when it plays
     local duration, gamma = mp.get_property_number("duration"), mp.get_property("video-params/gamma")
     local vo = mp.get_property("current-vo") or "gpu"
-    if not duration or math.abs(duration - DURATION) > 0.5 then
+    if not duration or math.min(math.abs(duration - DURATION), math.abs(duration - DURATION - START)) > 0.5 then
         return ("this video takes %.1f s, the track %.1f s"):format(duration or 0, DURATION)
     elseif gamma == "pq" or gamma == "hlg" then
         return "this video is HDR, the track is for SDR"
@@ -82,9 +83,13 @@ local function refusal() -- what is not known yet when a file is loaded is asked
     end
 end
 
+local function played_from() -- the stamp whose position is 0: not in all formats the first one
+    return mp.get_property_bool("rebase-start-time") and mp.get_property_number("demuxer-start-time") or 0
+end
+
 local function follow(_, time)
     if time and dimming then
-        local shader = written_shader(scale_at(time + FRAME / 4))
+        local shader = written_shader(scale_at(time + played_from() - START + FRAME / 4))
         if shader ~= current then use(shader) end
     end
 end

@@ -150,6 +150,7 @@ def mpv_script(track: ExportedTrack) -> str:
         ("GAMMA", f"{track.gamma:g}"),
         ("DURATION", f"{max(duration, film.file_duration or 0.0):.6f}"),
         ("FRAME", f"{frame:.6f}"),
+        ("START", f"{film.file_start:.6f}"),
         ("STREAM", "nil" if film.stream is None else str(film.stream)),
         ("TRACK", "\n".join(lines)),
     ):

@@ -278,7 +278,8 @@ def _reading(reader: FilmReader, **found: Any) -> FilmReading:
     container = reader.container
     chosen = reader.stream.index if len(container.streams.video) > 1 else reader.how.stream
     duration = container.duration / av.time_base if container.duration else None
-    return replace(reader.how, stream=chosen, file_duration=duration, **found)
+    start = (container.start_time or 0) / av.time_base
+    return replace(reader.how, stream=chosen, file_start=start, file_duration=duration, **found)
 
 
 def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:

@@ -14,6 +14,7 @@ from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.experiments.follow.limited_backlight import film_light, track_rate_limit
 from evenlight.method.preset_files import load_display, load_rate_limit
@@ -34,7 +35,9 @@ def test_the_luminance_is_what_the_frame_emits_at_full_brightness_or_that_of_whi
     assert track.header.display is not None
     for modulated, luminance in (("frame_mean", [50.0, 60.0]), ("white_field", [104.4, 104.4])):
         loaded = LoadedTrack(track, 0.5, "test", modulated=modulated)
-        late = film_light(loaded, track.header.display, begin=0.5)  # on the clock of the file
+        late = film_light(
+            loaded, track.header.display, FilmReading(picture_start=0.5)
+        )  # on the clock of the file
         np.testing.assert_allclose(late.luminance, luminance)
         np.testing.assert_allclose(late.times, 0.5 + np.asarray(track.times))
 

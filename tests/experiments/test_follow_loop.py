@@ -196,6 +196,23 @@ def test_a_late_message_hardly_moves_the_clock_and_a_speed_moves_it_faster() -> 
     assert state.position(0.235) == pytest.approx(0.237)
 
 
+@pytest.mark.parametrize(
+    ("zero", "rebases", "named"), [(3600.0, True, 2.0), (0.0, True, 3602.0), (3600.0, False, 3602.0)]
+)
+def test_positions_count_from_the_first_stamp_of_the_file(zero: float, rebases: bool, named: float) -> None:
+    """A player counts from any stamp, its zero, or from none, and says so."""
+    state = PlaybackState(np.arange(5.0), lambda path, folder: True, start=3600.0)
+    said = {
+        "working-directory": "/",
+        "path": "film",
+        "rebase-start-time": rebases,
+        "demuxer-start-time": zero,
+    }
+    for name, value in (said | {"time-pos": named}).items():
+        state.take({"event": "property-change", "name": name, "data": value}, 0.0)
+    assert state.position(0.0) == 2.0
+
+
 @pytest.mark.parametrize(("path", "idle"), [(None, True), ("another", False)])
 def test_without_the_film_there_is_no_position(path: str | None, idle: bool) -> None:
     state = PlaybackState(np.arange(5.0), lambda path, folder: path == "film")

@@ -11,18 +11,21 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.experiments.follow import mpv_player, watchdog
-from evenlight.experiments.follow.mpv_player import MpvPlayer, join_mpv
+from evenlight.experiments.follow.mpv_player import UNKNOWN, MpvPlayer, join_mpv
 from evenlight.experiments.follow.watchdog import watched_backlight
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 
 
 @contextlib.contextmanager
-def talking(video: Path) -> Iterator[tuple[MpvPlayer, Callable[..., None], socket.socket]]:
+def talking(
+    video: Path, reading: FilmReading = UNKNOWN
+) -> Iterator[tuple[MpvPlayer, Callable[..., None], socket.socket]]:
     """A joined player whose side of the socket the test writes."""
     ours, theirs = socket.socketpair()
-    with MpvPlayer(ours, video, np.arange(10) * 0.04) as player, theirs:
+    with MpvPlayer(ours, video, np.arange(10) * 0.04, reading=reading) as player, theirs:
         asked = [json.loads(line) for line in theirs.recv(65536).splitlines()]
         assert ["observe_property", 2, "path"] in [one["command"] for one in asked]
 
@@ -64,6 +67,17 @@ def test_a_joined_player_with_another_film_or_none_is_refused(tmp_path: Path, mo
             )
             with pytest.raises(InputError, match=words):
                 player.require_film()
+
+
+def test_of_several_videos_that_one_is_played_that_the_track_is_for(tmp_path: Path) -> None:
+    tracks = [{"type": "video", "id": 1, "ff-index": 0}, {"type": "video", "id": 2, "ff-index": 3}]
+    for stream, chosen in ((3, [2]), (None, [])):
+        with talking(tmp_path / "film.mp4", FilmReading(stream)) as (player, say, theirs):
+            say(change("track-list", [*tracks, {"type": "audio", "id": 1, "ff-index": 3}]))
+            player.wait(0.0)
+            theirs.setblocking(False)
+            asked = theirs.recv(65536).splitlines() if chosen else []
+            assert [json.loads(line)["command"][2] for line in asked] == chosen
 
 
 def test_a_player_that_quits_ends_and_one_that_dies_fails(tmp_path: Path) -> None:

@@ -15,8 +15,11 @@ import av
 import numpy as np
 import pytest
 
+from evenlight.data_schema.mapping import plain_value
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import ExportedTrack
+from evenlight.stimuli.sequences import open_video
+from evenlight.stimuli.video.video_source import film_reading
 
 FRAMES, RATE = 60, 10.0
 GRAY = 255 * (188 - 16) / 219
@@ -200,3 +203,33 @@ def test_mpv_dims_the_window_through_seeks_pauses_and_speed_and_refuses_another_
         mpv.close()
     assert "not dimmed: this video takes 2.0 s, the track 6.0 s" in mpv.said.read_text()
     assert not list(tmp_path.glob("evenlight-*"))
+
+
+@pytest.mark.usefixtures("films")
+@pytest.mark.real_time
+@pytest.mark.parametrize(
+    ("name", "sound"), [("late.mp4", 0), ("late.mp4", 9), ("late.mkv", 0), ("late.ts", 9)]
+)
+def test_mpv_dims_a_film_that_begins_late_by_the_clock_of_its_file(
+    command: Any, track: Path, tmp_path: Path, bare_screen: Callable[..., str], name: str, sound: int
+) -> None:
+    """Of an MP4, mpv's 0 is the stamp 0, of other files the first one; sound is longer than the picture."""
+    sine = f"-f lavfi -i sine=d={sound}:r=8000 -c:a aac -ac 1".split() if sound else []
+    call = ["ffmpeg", "-v", "error", "-itsoffset", "0.7", "-i", "film.mp4", *sine, "-c:v", "copy", name]
+    subprocess.run(call, cwd=tmp_path, check=True)
+    header = json.loads((track / "track.json").read_text())
+    header["film"] = plain_value(film_reading(open_video(tmp_path / name)))
+    (track / "track.json").write_text(json.dumps(header))
+    assert command("track", "export", track, "--to", "mpv", "--out", tmp_path / "film.lua").code == 0
+    mpv = Mpv(tmp_path, bare_screen(), "--script=film.lua", name)
+    try:
+        mpv.until(lambda: mpv.dims_by(0))
+        first = mpv("get_property", "time-pos")
+        mpv("seek", first + 4.5, "absolute+exact")
+        mpv.until(lambda: not mpv("get_property", "seeking") and mpv("get_property", "time-pos") > first)
+        mpv.until(lambda: mpv.dims_by(round((mpv("get_property", "time-pos") - first) * RATE)))
+    finally:
+        mpv.process.terminate()
+        mpv.process.wait(timeout=200)
+        mpv.close()
+    assert "not dimmed" not in mpv.said.read_text()

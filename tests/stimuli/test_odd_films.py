@@ -25,8 +25,8 @@ FILMS, COMMON = read_table()
 ROUNDED = 0.51 / 255  # half a code, and what FFmpeg's whole numbers add
 # Films that all commands must take alike, what becomes of their damage, and how mpv plays them unseen.
 FOLLOWED = (
-    "late.mkv", "edits.mp4", "varying.mp4", "paff.mkv", "open-cut.mkv", "overlap.mkv", "before-zero.mkv",
-    "sound-early.mkv", "two-large.mkv", "wrapped.ts", "bit.mkv hold", "bit.mkv skip",
+    "late.mp4", "late.mkv", "edits.mp4", "varying.mp4", "paff.mkv", "open-cut.mkv", "overlap.mkv",
+    "before-zero.mkv", "sound-early.mkv", "two-large.mkv", "wrapped.ts", "bit.mkv hold", "bit.mkv skip",
 )  # fmt: skip
 UNSEEN = "--player-arguments=--vo=null --ao=null --no-config --demuxer=lavf --loop-file=1"
 
