@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -15,6 +16,7 @@ from av.stream import Disposition
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, most_allowed, require_size
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
+from evenlight.stimuli.video.animated_webp import UNREADABLE, film_of_webp
 from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.video_locations import VideoPath
 
@@ -55,16 +57,23 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
                 f"FFmpeg finds no video in {path} (not a video, a list of others, damaged or cut off); "
                 f"{SUPPORTED}"
             ) from error
+        if container.format.name == "webp_pipe" and (film := _animation(path, content)) is not None:
+            container = stack.enter_context(av.open(film, "r"))
         names = container.format.name.split(",")
         # `tty` draws text files as terminal screens.
         if "tty" in names or all(s.disposition & Disposition.attached_pic for s in container.streams.video):
             raise InputError(f"{path} holds no video; {SUPPORTED}")
         if "image2" in names or container.format.name.endswith("_pipe"):
-            raise InputError(
-                f"{path} is one image, not a video (or animated WebP, which FFmpeg cannot read: write it as "
-                "APNG); for images give the folder that holds them"
-            )
+            raise InputError(f"{path} is one image, not a video; for images give the folder that holds them")
         yield container
+
+
+def _animation(path: VideoPath, content: FilmBytes) -> io.BytesIO | None:
+    content.seek(0)
+    try:
+        return film_of_webp(content.read(content.size))
+    except UNREADABLE as error:
+        raise InputError(f"{path} is a damaged WebP ({error}); give a whole copy of it") from error
 
 
 def film_stream(path: VideoPath, container: InputContainer, wanted: int | None = None) -> VideoStream:
