@@ -55,8 +55,12 @@ OF_FIELDS = ("h264", "mpeg2video")
 PROGRESSIVE = 1  # FFmpeg's AV_FIELD_PROGRESSIVE
 Times = NDArray[np.float64]
 # When all pictures appear, with 0 s for those that are never seen; how the film is read; their stamps, rising
-# [ticks], None where they do not tell them apart; in whose places the picture before is shown.
-FilmTimes = tuple[FrameTimes, FilmReading, NDArray[np.int64] | None, NDArray[np.bool_] | None]
+# [ticks], None where they do not tell them apart; in whose places the picture before is shown; places of key
+# frames, where pictures can be sought.
+FilmTimes = tuple[
+    FrameTimes, FilmReading, NDArray[np.int64] | None, NDArray[np.bool_] | None, NDArray[np.intp]
+]
+NO_KEYS = np.empty(0, dtype=np.intp)
 
 
 class FilmReader:
@@ -89,6 +93,7 @@ class FilmReader:
         self._rates = [rate for rate in (stream.average_rate, stream.guessed_rate) if rate]
         self._step = float(1 / ((*self._rates, ASSUMED_RATE)[0] * self._tick))  # about a picture's [ticks]
         self._stamps: list[int | None] = []  # of the packets, in their order [ticks]
+        self._keys: list[int] = []  # of key frames' packets
         self._first: int | None = None  # of the first packet
         self._latest: int | None = None
         self._last_duration = 0  # of the packet with the latest stamp [ticks]
@@ -132,8 +137,9 @@ class FilmReader:
                 self._broken = len(self._stamps)
         self._stamps.append(packet.pts)
         if packet.pts is not None:
-            if packet.is_keyframe and self._latest is not None:
-                self._in_order &= packet.pts > self._latest
+            if packet.is_keyframe:
+                self._keys.append(packet.pts)
+                self._in_order &= self._latest is None or packet.pts > self._latest
             if self._latest is None or packet.pts >= self._latest:
                 self._latest, self._last_duration = packet.pts, packet.duration or 0
 
@@ -237,7 +243,7 @@ class FilmReader:
         given = [stamp for stamp in found if stamp is not None]
         if len(given) < len(found):
             timeline = uniform_times(len(found), (*self._rates, ASSUMED_RATE)[0])
-            return timeline, _reading(self, frames_skipped=len(self._lost)), None, None
+            return timeline, _reading(self, frames_skipped=len(self._lost)), None, None, NO_KEYS
         # The decoder gives pictures in the order they are shown.
         return _film_times(self, sorted(given) if self._by_decoding else given, last)
 
@@ -316,8 +322,10 @@ def _film_times(reader: FilmReader, given: list[int], last: int) -> FilmTimes:
         frames_skipped=len(lost) - len(after) + (left if back else 0),
         fall_back=back,
     )
-    apart = bool((np.diff(stamps) > 0).all()) and not reader._by_decoding
-    return timeline, reading, stamps if apart else None, held
+    if reader._by_decoding or (np.diff(stamps) <= 0).any():
+        return timeline, reading, None, held, NO_KEYS
+    keys = np.searchsorted(stamps, sorted(reader._keys)) if reader._refuses else NO_KEYS
+    return timeline, reading, stamps, held, keys
 
 
 def _mended(stamps: NDArray[np.int64], least: float) -> tuple[NDArray[np.int64], int]:

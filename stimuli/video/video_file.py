@@ -39,33 +39,36 @@ class VideoFile:
     ----------
     path : Path or RemoteFile
         The file, here or at a URL.
-    timeline : FrameTimes
-        When its pictures appear; those with a duration of 0 are never seen.
     content : str
         SHA-256 of its bytes.
-    pixel_aspect : Fraction
-        Width of the file's pixels over their height; its frames come in square ones.
-    field_of_view : float or None
-        Angle that the width is to span for the viewer [deg]; None if the file does not say.
+    timeline : FrameTimes
+        When its pictures appear; those with a duration of 0 are never seen.
     reading : FilmReading
         How it is read.
     stamps : array of int, (frames,), or None
         Time stamps of its pictures, rising [ticks]; None where they do not tell them apart.
     held : array of bool, (frames,), or None
         In whose places the picture before is shown.
+    keys : array of int
+        Places of key frames, rising, where pictures can be sought; else empty.
+    pixel_aspect : Fraction
+        Width of the file's pixels over their height; its frames come in square ones.
+    field_of_view : float or None
+        Angle that the width is to span for the viewer [deg]; None if the file does not say.
     notes : tuple of str
         What of it is not taken as it is in the file, or was chosen, in lines.
     """
 
     path: VideoPath
-    timeline: FrameTimes
     content: str
-    pixel_aspect: Fraction = SQUARE
-    field_of_view: float | None = None
-    reading: FilmReading = field(default_factory=FilmReading)
-    stamps: NDArray[np.int64] | None = field(default=None, compare=False, repr=False)
-    held: NDArray[np.bool_] | None = field(default=None, compare=False, repr=False)
-    notes: tuple[str, ...] = ()
+    timeline: FrameTimes
+    reading: FilmReading
+    stamps: NDArray[np.int64] | None = field(compare=False, repr=False)
+    held: NDArray[np.bool_] | None = field(compare=False, repr=False)
+    keys: NDArray[np.intp] = field(compare=False, repr=False)
+    pixel_aspect: Fraction
+    field_of_view: float | None
+    notes: tuple[str, ...]
     # Of pictures that were decoded: how their planes give their light (`PixelReader`).
     _planes: dict[object, tuple[bool, bool] | None] = field(
         default_factory=dict, init=False, compare=False, repr=False
@@ -93,7 +96,7 @@ class VideoFile:
         InputError
             As `frames_at`.
         """
-        return self._frames_from(0)
+        return self.frames_at(range(self.n_frames))
 
     def frames_at(self, numbers: Sequence[int]) -> Iterator[Frame]:
         """Yield the frames of rising numbers; of those between them, no more are decoded than it takes.
@@ -103,17 +106,19 @@ class VideoFile:
         InputError
             If a frame is damaged or missing, or differs in size from the first one.
         """
-        for _, run in itertools.groupby(enumerate(numbers), lambda pair: pair[1] - pair[0]):
-            (_, first), *others = run
-            last = first + len(others)
-            # To the end of the file, so that one is noticed that ends before its time.
-            count = None if last == self.n_frames - 1 else len(others) + 1
-            yield from itertools.islice(self._frames_from(first), count)
+        chosen = np.asarray(numbers, dtype=np.intp)
+        places = np.flatnonzero(self.timeline.durations)[chosen]
+        key_between = np.diff(np.searchsorted(self.keys, places, side="right")) > 0
+        for run in np.split(places, 1 + np.flatnonzero(key_between & (np.diff(chosen) > 1))):
+            yield from self._frames(run.tolist())
 
-    def _frames_from(self, first: int) -> Iterator[Frame]:
+    def _frames(self, places: list[int]) -> Iterator[Frame]:
+        """Yield the frames at rising places, decoded from the first to the last of them."""
         times, durations = self.timeline.times, self.timeline.durations
-        reader, shape = PixelReader(self.pixel_aspect, self._planes), None
-        for k, picture in self.pictures(first):
+        reader, shape, wanted = PixelReader(self.pixel_aspect, self._planes), None, set(places)
+        for k, picture in self._pictures_from(places[0]):
+            if k not in wanted:
+                continue
             try:
                 pixels = reader.pixels(picture)
             except UnsupportedColourError as error:
@@ -127,24 +132,24 @@ class VideoFile:
                 )
             shape = pixels.shape
             yield Frame(float(times[k]), float(durations[k]), pixels)
+            # To the end of the file, so that one is noticed that ends before its time.
+            if k == places[-1] and durations[k + 1 :].any():
+                return
 
-    def pictures(self, first: int = 0) -> Iterator[tuple[int, av.VideoFrame]]:
+    def pictures(self) -> Iterator[tuple[int, av.VideoFrame]]:
         """Yield the frames that are seen as they are decoded, each with its place in the timeline.
-
-        Parameters
-        ----------
-        first : int
-            Number of the first one, of those that are seen.
 
         Raises
         ------
         InputError
             If a frame is damaged or missing.
         """
-        durations = self.timeline.durations
-        begin = int(np.flatnonzero(durations)[first]) if first > 0 else 0
-        with self._decoded_from(begin) as (k, pictures):
-            yield from ((k, one) for k, one in self._placed(k, pictures) if k >= begin and durations[k] > 0)
+        return self._pictures_from(0)
+
+    def _pictures_from(self, first: int) -> Iterator[tuple[int, av.VideoFrame]]:
+        seen = self.timeline.durations > 0
+        with self._decoded_from(first) as (k, pictures):
+            yield from ((k, one) for k, one in self._placed(k, pictures) if k >= first and seen[k])
 
     def _placed(self, k: int, pictures: Iterator[av.VideoFrame]) -> Iterator[tuple[int, av.VideoFrame]]:
         """Yield pictures with their places from one on, each also in those that are held after it."""
@@ -165,9 +170,8 @@ class VideoFile:
     @contextmanager
     def _decoded_from(self, first: int) -> Iterator[tuple[int, Iterator[av.VideoFrame]]]:
         """Yield pictures from one at or before some place on, and the place of the first."""
-        refuses = self.reading.damaged is Damaged.REFUSE
-        can_seek = first > 0 and self.stamps is not None and refuses
-        for seconds in (*SEEK_BACK, None) if can_seek else (None,):
+        begins_later = np.searchsorted(self.keys, first, side="right") > 1
+        for seconds in (*SEEK_BACK, None) if begins_later else (None,):
             with opened_container(self.path) as container:
                 reader = FilmReader(self.path, container, self.reading, self.timeline.times)
                 found = reader.pictures() if seconds is None else self._sought(reader, first, seconds)
@@ -180,7 +184,8 @@ class VideoFile:
 
         A decoder passes over, or reports, what it cannot show without the frames before the key frame.
         """
-        if self.stamps is None or reader.decoder.pix_fmt == "pal8":  # its palette comes once, with the first
+        assert self.stamps is not None
+        if reader.decoder.pix_fmt == "pal8":  # its palette comes once, with the first
             return None
         wanted = int(self.stamps[first])
         try:
@@ -232,8 +237,5 @@ def open_video_file(
             content.seek(0)
             with opened_container(path, content) as container:
                 timing = FilmReader(path, container, how).times_of_pictures()
-        timeline, reading, stamps, held = timing
-        notes.extend(reading.notes)
-        return VideoFile(
-            path, timeline, content.sha256(), aspect, field_of_view, reading, stamps, held, tuple(notes)
-        )
+        told = (*notes, *timing[1].notes)
+        return VideoFile(path, content.sha256(), *timing, aspect, field_of_view, told)

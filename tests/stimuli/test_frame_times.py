@@ -179,7 +179,7 @@ def test_frames_of_a_file(kind: str, tmp_path: Path) -> None:
     require_the_same(written(tmp_path / name, codec, options), NUMBERS)
 
 
-def test_what_lies_before_the_last_key_frame_is_not_decoded(
+def test_what_lies_before_the_last_key_frame_is_not_decoded_and_nothing_twice(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     name, codec, options = ENCODERS["closed"]
@@ -194,6 +194,9 @@ def test_what_lies_before_the_last_key_frame_is_not_decoded(
     monkeypatch.setattr(FilmReader, "pictures", counted)
     next(video.frames_at([30]))
     assert len(decoded) == 30 - 24 + 1
+    decoded.clear()
+    assert len(list(video.frames_at([26, 30, 34]))) == 3
+    assert len(decoded) == 34 - 24 + 1  # of one group, all in one go
 
 
 def test_frames_of_a_folder_and_of_a_sequence(tmp_path: Path) -> None:
