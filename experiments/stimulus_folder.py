@@ -28,10 +28,10 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curve
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.experiments.playback.headset_picture import NARROWEST, WIDEST
 from evenlight.experiments.playback.screen_geometry import SAME_ANGLE, ScreenGeometry
+from evenlight.stimuli.dimmed.track_fit import require_fit
 from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of, size_of
 from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 

@@ -41,7 +41,7 @@ from evenlight.method.contrast.measures import COUNTED, measure_named
 from evenlight.method.optimizer.objective import pairwise_spread
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit
-from evenlight.stimuli.video.track_fit import require_fit, require_times
+from evenlight.stimuli.dimmed.track_fit import require_fit, require_times
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:

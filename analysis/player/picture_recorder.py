@@ -21,12 +21,12 @@ from evenlight.analysis.player.proxy_video import (
     in_background,
     picture_format,
 )
+from evenlight.analysis.tracks.curves_cache import PICTURE, CurvesCache, used_now
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.loss_curves import UNREADABLE, LossCurves
 from evenlight.progress import counted, shown_progress
 from evenlight.stimuli.video import video_file
-from evenlight.stimuli.video.curves_cache import PICTURE, CurvesCache, used_now
 from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_source import VideoSource, closing_frames, frames_at
 
@@ -98,7 +98,8 @@ class PictureRecorder:
             "frames": [curves.n_frames, float(curves.durations[0])],  # a folder of images has any frame rate
             "encoder": [av.__version__, "libx264" in av.codecs_available],
         }
-        return PictureCache.of(made_of, lambda words: None)  # that nothing can be kept is said of the curves
+        # That nothing can be kept is said of the curves.
+        return PictureCache.of(self.source, made_of, lambda words: None)
 
 
 class PictureCache(CurvesCache):

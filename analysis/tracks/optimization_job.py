@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 from rich.console import Console
 
+from evenlight.analysis.tracks.curves_cache import CurvesCache, cache_of
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
@@ -28,7 +29,6 @@ from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.measures import MEASURES, measure_named
 from evenlight.method.optimizer.request import Request
 from evenlight.progress import counted, shown_progress
-from evenlight.stimuli.video.curves_cache import CurvesCache
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
 from evenlight.stimuli.video.video_source import (
     VideoSource,
@@ -160,7 +160,7 @@ class _CurvesWork:
         knots = brightness_factors(job.min_factor)
         self._analysis = VideoAnalysis(job.model, knots, job.actuator, _provenance(job), job.effort)
         if job.cached:
-            self._cache = self._analysis.cache(job.source, first, geometry, partial(_say, job))
+            self._cache = cache_of(self._analysis, job.source, first, geometry, partial(_say, job))
         if self._cache is not None:
             self.known = self._cache.read()
             if self.known is not None:

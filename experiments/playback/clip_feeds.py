@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.experiments.playback.frame_buffer import FrameBuffer, LevelFrame
 from evenlight.experiments.playback.screen_geometry import shown_size
 from evenlight.experiments.recordings import frames_of_refreshes
 from evenlight.experiments.stage import Clip
+from evenlight.stimuli.dimmed.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
 from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
 from evenlight.stimuli.eyes.eye_views import eye_views
 from evenlight.stimuli.image_renderer import EyeImages, Image, ImageUploads
@@ -22,8 +24,6 @@ from evenlight.stimuli.scenes.engine.camera_path import check_path
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
-from evenlight.stimuli.video.frame_buffer import FrameBuffer, LevelFrame
-from evenlight.stimuli.video.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
 
 if TYPE_CHECKING:
     import moderngl

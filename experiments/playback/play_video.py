@@ -44,10 +44,10 @@ from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.commands import size_in
 from evenlight.stimuli.dimmed.matched_track import display_of, is_of
+from evenlight.stimuli.dimmed.track_fit import require_fit
 from evenlight.stimuli.eyes.surfaces import Surface
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.sequences import built_in_sequence, is_sequence, open_as_read
-from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_locations import is_url, local_name, shown_name
 from evenlight.stimuli.video.video_source import VideoSource, size_of

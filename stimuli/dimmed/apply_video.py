@@ -29,9 +29,9 @@ from evenlight.stimuli.dimmed.dimmed_samples import Codes
 from evenlight.stimuli.dimmed.dimming import pixel_scale, version_factors
 from evenlight.stimuli.dimmed.encoders import ENCODERS, Encoder
 from evenlight.stimuli.dimmed.matched_track import MatchedTrack
+from evenlight.stimuli.dimmed.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
 from evenlight.stimuli.video.film_reader import REMEDY
 from evenlight.stimuli.video.film_stream import FIELD_OF_VIEW, film_stream, opened_container
-from evenlight.stimuli.video.track_fit import LARGEST_DEVIATION, wrong_count, wrong_time
 from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
 from evenlight.stimuli.video.video_writer import new_container, told_by_name

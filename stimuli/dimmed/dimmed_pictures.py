@@ -31,6 +31,7 @@ from evenlight.stimuli.dimmed.dimmed_samples import (
     ycbcr_of,
 )
 from evenlight.stimuli.dimmed.encoders import Encoder
+from evenlight.stimuli.dimmed.track_fit import wrong_count
 from evenlight.stimuli.dithering import GRID_LEVELS, levels_of
 from evenlight.stimuli.video.frame_conversion import (
     BT709,
@@ -40,7 +41,6 @@ from evenlight.stimuli.video.frame_conversion import (
     planes_of,
 )
 from evenlight.stimuli.video.square_pixels import SQUARE
-from evenlight.stimuli.video.track_fit import wrong_count
 from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_source import VideoSource, closing_frames
 

@@ -10,7 +10,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, require_display_of
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, load_track
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video.track_fit import require_fit
+from evenlight.stimuli.dimmed.track_fit import require_fit
 from evenlight.stimuli.video.video_source import VideoSource
 
 

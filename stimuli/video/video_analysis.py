@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.loss_curves import LossCurves
@@ -16,8 +15,6 @@ from evenlight.method.choices import ONE_CORE, AnalysisEffort
 from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
 from evenlight.method.contrast.pixel_floor import FlooredFrames
-from evenlight.stimuli.video.curves_cache import CurvesCache
-from evenlight.stimuli.video.video_source import VideoSource, film_reading
 from evenlight.stimuli.video.viewing_geometry import ViewingGeometry
 
 
@@ -69,35 +66,6 @@ class VideoAnalysis:
         )  # fmt: skip
         curves = floored.complete(curves) if by_pixels else curves
         return replace(curves, field_of_view=geometry.field_of_view)
-
-    def cache(
-        self, source: VideoSource, first: Frame, geometry: ViewingGeometry, say: Callable[[str], None]
-    ) -> CurvesCache | None:
-        """Return the place of the curves in the user's cache; None where none are kept.
-
-        Parameters
-        ----------
-        source, first, geometry : VideoSource, Frame, ViewingGeometry
-            The video, its first frame, and how it is seen; its SHA-256 is that of the provenance.
-        say : function of str
-            Tells the user why nothing is kept.
-        """
-        made = self.provenance
-        if made is None or made.inputs.get("video", "unknown") == "unknown":
-            return None
-        made_of: dict[str, object] = {
-            "video": made.inputs["video"],
-            "frames": [source.n_frames, first.time, first.duration],  # a folder of images has any frame rate
-            "film": [] if (film := film_reading(source)) is None else [film.stream, film.damaged.value],
-            "display": sha256_of_record(geometry.display),
-            "sizes": [geometry.size, geometry.shown_size],
-            "contrast_model": sha256_of_record(self.model),
-            "factors": self.factors.tolist(),
-            "actuator": self.actuator.value,
-            "device": self.effort.device.value,
-            "versions": made.versions,
-        }
-        return CurvesCache.of(made_of, say)
 
 
 def _with_floor(

@@ -14,9 +14,9 @@ import numpy as np
 import pytest
 
 import evenlight
-from evenlight.analysis.player.picture_recorder import PictureCache
+from evenlight.analysis.player.picture_recorder import PictureCache, PictureRecorder
 from evenlight.analysis.player.proxy_video import Tiles
-from evenlight.analysis.tracks import track_results
+from evenlight.analysis.tracks import curves_cache, track_results
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
 from evenlight.data_schema.errors import InputError
@@ -24,11 +24,11 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.data_schema.tracks.loss_curves import write_loss_curves
 from evenlight.method.contrast.checkpoints import AnalysedFrames
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit
-from evenlight.stimuli.video import curves_cache
 
 SECONDS = 4.0  # that each frame is shown: a minute is 15 frames, of 12 contents
 SIZE = 16, 24, 3
@@ -140,6 +140,15 @@ def test_curves_of_anything_else_are_not_taken(
     assert len(list(folder.iterdir())) == 2
 
 
+def test_the_picture_of_another_stream_or_policy_is_not_taken() -> None:
+    curves, keys = loss_curves_of(job_of(Slides(count=2)), FrameSamples()), set()
+    for reading in (FilmReading(), FilmReading(stream=1), FilmReading(damaged=Damaged.SKIP)):
+        slides = Slides(count=2)
+        slides.reading = reading
+        keys.add(PictureRecorder(slides, cached=True, quiet=True)._cache(curves).key)
+    assert len(keys) == 3
+
+
 def test_curves_of_other_code_are_not_taken(
     folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -203,14 +212,13 @@ NOT_IN_KEY = {
     "evenlight.data_schema.recordings.ramp": RECORDS,
     "evenlight.data_schema.recordings.rig": RECORDS,
     "evenlight.data_schema.storage.input_files": FILES,
+    "evenlight.data_schema.storage.input_sizes": FILES,
     "evenlight.data_schema.storage.tables": FILES,
     "evenlight.data_schema.storage.text_files": FILES,
     "evenlight.data_schema.storage.whole_files": FILES,
     "evenlight.data_schema.tracks.brightness_track": RECORDS,
     "evenlight.data_schema.tracks.film_reading": RECORDS,
     "evenlight.data_schema.tracks.loss_curves": RECORDS,
-    "evenlight.stimuli.fractal_noise": SCENES,
-    "evenlight.stimuli.scenes.engine.array_cache": SCENES,
     "evenlight.stimuli.sequence_format": SCENES,
 }
 

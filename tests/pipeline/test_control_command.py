@@ -14,8 +14,8 @@ from evenlight.data_schema.tracks.loaded_track import load_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.optimizer.objective import pairwise_spread
+from evenlight.stimuli.dimmed.track_fit import require_fit
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.track_fit import require_fit
 from evenlight.stimuli.video.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")

@@ -18,9 +18,9 @@ from hypothesis import strategies as st
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
+from evenlight.experiments.playback.frame_buffer import FrameBuffer
 from evenlight.stimuli.sequences import built_in_sequence, open_video, open_videos
 from evenlight.stimuli.video.film_reader import FilmReader
-from evenlight.stimuli.video.frame_buffer import FrameBuffer
 from evenlight.stimuli.video.frame_conversion import area_weights, coarser
 from evenlight.stimuli.video.image_folder import open_image_folder
 from evenlight.stimuli.video.video_file import VideoFile, open_video_file

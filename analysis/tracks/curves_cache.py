@@ -22,6 +22,8 @@ import numpy as np
 
 from evenlight.data_schema import contrast_model
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.loss_curves import (
     UNREADABLE,
@@ -32,6 +34,10 @@ from evenlight.data_schema.tracks.loss_curves import (
 from evenlight.method.contrast import checkpoints
 from evenlight.method.contrast.checkpoints import AnalysedFrames
 from evenlight.stimuli.scenes.engine.array_cache import cache_folder
+from evenlight.stimuli.video import video_analysis
+from evenlight.stimuli.video.video_analysis import VideoAnalysis
+from evenlight.stimuli.video.video_source import VideoSource, film_reading
+from evenlight.stimuli.video.viewing_geometry import ViewingGeometry
 
 MOST = "EVENLIGHT_CURVES_CACHE_MB"  # what all of it may take, in the environment; 0 for none
 STANDARD_MOST = "2000"  # [MB]
@@ -42,7 +48,7 @@ SOURCES = (
     Path(contrast_model.__file__).parent,
     _METHOD,
     *(_METHOD / name for name in ("contrast", "gpu", "shaders")),
-    Path(__file__).parent,
+    Path(video_analysis.__file__).parent,
 )
 
 
@@ -74,6 +80,41 @@ def most_bytes() -> float:
     )
 
 
+def cache_of(
+    analysis: VideoAnalysis,
+    source: VideoSource,
+    first: Frame,
+    geometry: ViewingGeometry,
+    say: Callable[[str], None],
+) -> CurvesCache | None:
+    """Return the place of a video's curves in the user's cache; None where none are kept.
+
+    Parameters
+    ----------
+    analysis : VideoAnalysis
+        What makes them; the video's SHA-256 is that of its provenance.
+    source, first, geometry : VideoSource, Frame, ViewingGeometry
+        The video, its first frame, and how it is seen.
+    say : function of str
+        Tells the user why nothing is kept.
+    """
+    made = analysis.provenance
+    if made is None or made.inputs.get("video", "unknown") == "unknown":
+        return None
+    made_of: dict[str, object] = {
+        "video": made.inputs["video"],
+        "frames": [source.n_frames, first.time, first.duration],  # a folder of images has any frame rate
+        "display": sha256_of_record(geometry.display),
+        "sizes": [geometry.size, geometry.shown_size],
+        "contrast_model": sha256_of_record(analysis.model),
+        "factors": analysis.factors.tolist(),
+        "actuator": analysis.actuator.value,
+        "device": analysis.effort.device.value,
+        "versions": made.versions,
+    }
+    return CurvesCache.of(source, made_of, say)
+
+
 @dataclass(slots=True)
 class CurvesCache:
     """The place of one video's curves.
@@ -96,10 +137,15 @@ class CurvesCache:
     _refused: bool = field(default=False, init=False)  # whether something could not be written
 
     @classmethod
-    def of(cls, made_of: dict[str, object], say: Callable[[str], None]) -> Self | None:
-        """Return the place of curves that depend on values of these names; None where none are kept."""
+    def of(cls, source: VideoSource, made_of: dict[str, object], say: Callable[[str], None]) -> Self | None:
+        """Return the place of what depends on how a video is read and on values of these names.
+
+        None where nothing is kept.
+        """
         if not most_bytes():
             return None
+        film = film_reading(source)
+        made_of["film"] = [] if film is None else [film.stream, film.damaged.value]
         content = json.dumps({**made_of, "source": source_sha256(cls.sources)}, sort_keys=True)
         return cls(cache_folder() / "curves", hashlib.sha256(content.encode()).hexdigest(), say)
 
