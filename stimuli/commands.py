@@ -51,7 +51,7 @@ def render(
     from evenlight.stimuli.scenes.content.catalogue import is_scene_file
     from evenlight.stimuli.scenes.scene_sequence import SceneSequence
     from evenlight.stimuli.sequences import built_in_sequence
-    from evenlight.stimuli.video.video_writer import write_video
+    from evenlight.stimuli.video_writer import write_video
 
     require_free(out, force=force)
     if out.suffix.lower() == ".glb":

@@ -42,7 +42,7 @@ from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_display, load_power_model
 from evenlight.stimuli.sequence_format import on_grid
 from evenlight.stimuli.sequences import is_sequence
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 # Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
 # that are started from here, those that run the tests among them.

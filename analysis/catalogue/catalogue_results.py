@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenlight.analysis.catalogue.entries import CURVES, CatalogueVideo
+from evenlight.analysis.catalogue.video_listing import file_state
 from evenlight.analysis.earlier_results import files_in
 from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_request import TrackRequest
@@ -38,7 +39,6 @@ from evenlight.method.optimizer.request import Request
 from evenlight.progress import Progress
 from evenlight.result_requests import write_request
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_locations import file_state
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:

@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any, get_type_hints
 from urllib.parse import unquote
 
+from evenlight.analysis.catalogue.video_listing import videos_at
 from evenlight.analysis.tracks.track_request import TrackRequest, WantedOfAll
 from evenlight.data_schema.arguments import positive
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import typed
 from evenlight.data_schema.storage.tables import csv_rows, plain_cell
 from evenlight.stimuli.sequences import is_sequence
-from evenlight.stimuli.video.video_locations import is_url, shown_name, videos_at
+from evenlight.stimuli.video.video_locations import is_url, shown_name
 
 CURVES = ".npz"
 CATALOGUE, FIGURE, REPORT = "catalogue.csv", "catalogue.png", "report.html"

@@ -34,7 +34,7 @@ from evenlight.stimuli.video.film_reader import REMEDY
 from evenlight.stimuli.video.film_stream import FIELD_OF_VIEW, film_stream, opened_container
 from evenlight.stimuli.video.video_file import VideoFile
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
-from evenlight.stimuli.video.video_writer import new_container, told_by_name
+from evenlight.stimuli.video_writer import new_container, told_by_name
 
 if TYPE_CHECKING:
     from av.container import OutputContainer

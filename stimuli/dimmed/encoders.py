@@ -7,7 +7,7 @@ from pathlib import Path
 
 from evenlight.data_schema.errors import ArgumentError
 from evenlight.stimuli.dimmed.apply_options import Codec
-from evenlight.stimuli.video.video_writer import FFV1_OPTIONS
+from evenlight.stimuli.video_writer import FFV1_OPTIONS
 
 
 @dataclass(frozen=True, slots=True)

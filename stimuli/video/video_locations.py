@@ -1,4 +1,4 @@
-"""Where videos are: files, folders and globs, here or at URLs of fsspec, which are read in parts as needed.
+"""Where a video is: a file here, or at a URL of fsspec, which is read in parts as needed.
 
 Decision (docs/decisions/frame-times.md). Errors take one line and hold no secrets. `file://` is a local
 file, which `local_name` names.
@@ -6,11 +6,10 @@ file, which `local_name` names.
 
 from __future__ import annotations
 
-import glob
 import io
 import re
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -27,8 +26,6 @@ VIDEO_ENDINGS = (
     ".mp4", ".mkv", ".mov", ".avi", ".webm", ".m4v", ".mpg", ".mpeg", ".ts", ".mts", ".m2ts", ".wmv", ".flv",
     ".ogv", ".mxf", ".y4m",
 )  # fmt: skip
-# What file systems call the state of a content, the surest first.
-CONTENT_MARKS = ("etag", "md5", "checksum", "generation", "modif", "mtime", "last_write", "created")
 
 
 def is_url(name: str) -> bool:
@@ -74,7 +71,7 @@ class RemoteFile:
 
     def opened(self) -> Any:
         """Open it to read its bytes, anywhere; what cannot be read is an `InputError`."""
-        with _at(self.url) as (files, path):
+        with at_url(self.url) as (files, path):
             info = files.info(path)
             if info["type"] == "directory":
                 raise InputError(f"{self} is a folder; at a URL, give a file (folders of images: here only)")
@@ -88,7 +85,8 @@ VideoPath = Path | RemoteFile
 
 
 @contextmanager
-def _at(url: str) -> Iterator[tuple[Any, str]]:
+def at_url(url: str) -> Iterator[tuple[Any, str]]:
+    """Yield the file system of a URL, and its path there."""
     try:
         import fsspec
     except ImportError:
@@ -127,63 +125,6 @@ def _reason(error: BaseException) -> str:
     return "nobody answers there" if isinstance(error, ConnectionError) else words or type(error).__name__
 
 
-def file_state(name: str) -> str | None:
-    """Return words that change when the content of a video's file does, without reading it.
-
-    Parameters
-    ----------
-    name : str
-        As in `open_video`.
-
-    Returns
-    -------
-    str or None
-        Size and time of the last change, or a checksum that the file system keeps; None where nothing tells.
-    """
-    name = local_name(name)
-    with suppress(InputError, OSError):
-        if is_url(name):
-            with _at(name) as (files, place):
-                info = files.info(place)
-            told = [info[key] for mark in CONTENT_MARKS for key in info if mark in key.lower() and info[key]]
-            return f"{info.get('size')} {told[0]}" if told else None
-        if (path := Path(name)).is_file():
-            state = path.stat()
-            return f"{state.st_size} {state.st_mtime_ns}"
-    return None
-
-
-def videos_at(source: str) -> list[str]:
-    """Return the names of the videos at a place, in natural order; each is one for `open_video`.
-
-    Parameters
-    ----------
-    source : str
-        A file; a folder, with all below it; a glob such as `films/**/*.mkv`; or a URL of one of these. Files
-        are known as videos by their endings (`VIDEO_ENDINGS`), unless they are named, or the ending is in the
-        glob. Hidden files and folders are passed over.
-
-    Raises
-    ------
-    InputError
-        If there is nothing, or no video.
-    """
-    name = local_name(source)
-    found, wild = _remote(name) if is_url(name) else _local(Path(name))
-    ending = PurePosixPath(name).suffix if wild else ""
-    every = bool(ending) and not glob.has_magic(ending)
-    videos = [
-        video
-        for video, below in found
-        if (every or not below or PurePosixPath(below).suffix.lower() in VIDEO_ENDINGS)
-        and not re.search(r"(^|/)\.", below)
-    ]
-    if not videos:
-        wanted = "" if every else f"; looked for files that end in {' '.join(VIDEO_ENDINGS)}"
-        raise InputError(f"{shown_name(source)}: there are no videos{wanted}")
-    return sorted(videos, key=natural_order)
-
-
 def natural_order(name: str) -> list[tuple[int, str]]:
     """Return a sorting key in which numbers count as numbers.
 
@@ -192,34 +133,3 @@ def natural_order(name: str) -> list[tuple[int, str]]:
     """
     parts = [(digits, words.casefold()) for digits, words in re.findall(r"([0-9]+)|([^0-9]+)", name)]
     return [(int(digits or -1), words) for digits, words in parts] + [(-2, name)]
-
-
-# Names of files, with their paths below the place that is named (empty for itself), and whether it is a glob.
-Found = tuple[list[tuple[str, str]], bool]
-
-
-def _local(top: Path) -> Found:
-    if top.exists() and not top.is_dir():
-        return [(str(top), "")], False
-    if top.is_dir():
-        return [(str(p), p.relative_to(top).as_posix()) for p in top.rglob("*") if p.is_file()], False
-    if not glob.has_magic(str(top)):
-        raise InputError(f"{top}: no such file or folder; give videos, a folder of them, or a glob")
-    matched = map(Path, glob.iglob(str(top), recursive=True))  # noqa: PTH207 - which has no absolute globs
-    return [(str(path), path.name) for path in matched if path.is_file()], True
-
-
-def _remote(url: str) -> Found:
-    web = url.startswith(WEB)
-    wild = re.search(r"[*[]" if web else r"[*[?]", url)
-    base = url[: url.rindex("/", 0, wild.start()) + 1] if wild else url
-    with _at(base) as (files, top):
-        info, folder = files.info(top), top.rstrip("/")
-        # A server shows a folder as a page of links.
-        if wild is None and info["type"] != "directory" and info.get("mimetype") != "text/html":
-            return [(url, "")], False
-        pattern = f"{folder}/{url[len(base) :]}"
-        found = files.glob(pattern, detail=True) if wild else files.find(folder, detail=True)
-    below = [path.removeprefix(folder).lstrip("/") for path, info in found.items() if info["type"] == "file"]
-    top = base.removesuffix("/")
-    return [(f"{top}/{path}", unquote(path) if web else path) for path in below], wild is not None

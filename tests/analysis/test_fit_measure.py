@@ -19,7 +19,7 @@ from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.contrast.contrast_loss import contrast_loss
 from evenlight.method.contrast.luminance import emitted_luminance
 from evenlight.stimuli.sequences import built_in_sequence
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 PATH = Path(__file__).parents[2] / "examples" / "fit_measure.py"
 SPEC = importlib.util.spec_from_file_location("fit_measure", PATH)

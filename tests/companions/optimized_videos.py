@@ -10,7 +10,7 @@ from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 
 def texture(seed, height=36, width=48):

@@ -39,7 +39,7 @@ from evenlight.stimuli.scenes.gltf.gltf_file import read_gltf
 from evenlight.stimuli.scenes.gltf.gltf_scene import scene_from_gltf
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.typesetting import require_font
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 
 @pytest.fixture(autouse=True)

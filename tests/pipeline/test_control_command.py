@@ -16,7 +16,7 @@ from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.optimizer.objective import pairwise_spread
 from evenlight.stimuli.dimmed.track_fit import require_fit
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 

@@ -26,7 +26,7 @@ from evenlight.data_schema.tracks.loaded_track import mean_factor
 from evenlight.experiments.playback.track_refusals import floor_note
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 N, RATE = 30, 25.0
 FACTORS = np.linspace(0.9, 0.5, N)

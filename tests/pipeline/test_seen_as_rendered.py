@@ -12,7 +12,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.stimuli.sequences import built_in_sequence, open_video
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 PANEL = evenlight.load_display("varjo-xr3")

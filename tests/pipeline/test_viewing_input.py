@@ -24,7 +24,7 @@ from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched, l
 from evenlight.experiments.viewing.viewing_task import stimulus_clip
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 NAMES = ("bright", "dark")
 N = 10

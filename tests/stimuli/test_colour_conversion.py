@@ -16,7 +16,7 @@ from evenlight.stimuli.video.frame_conversion import ColourConverter, Unsupporte
 from evenlight.stimuli.video.frames_in_memory import video_of
 from evenlight.stimuli.video.square_pixels import pixel_aspect
 from evenlight.stimuli.video.video_source import size_of
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 WEIGHTS = {1: (0.2126, 0.0722), 6: (0.299, 0.114), 9: (0.2627, 0.0593)}  # H.273, table 4: K_R, K_B
 

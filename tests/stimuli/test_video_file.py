@@ -17,7 +17,7 @@ from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.image_folder import open_image_folder
 from evenlight.stimuli.video.video_file import open_video_file
 from evenlight.stimuli.video.video_locations import natural_order
-from evenlight.stimuli.video.video_writer import write_video
+from evenlight.stimuli.video_writer import write_video
 
 
 def moving_picture(k, size=(96, 64)):

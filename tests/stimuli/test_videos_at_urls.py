@@ -20,6 +20,7 @@ from loopback_server import LoopbackServer, served
 from optimized_videos import texture, video
 
 import evenlight
+from evenlight.analysis.catalogue.video_listing import file_state, videos_at
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequences import open_video, open_videos
@@ -27,7 +28,7 @@ from evenlight.stimuli.video import video_locations
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.video_file import open_video_file
-from evenlight.stimuli.video.video_locations import file_state, shown_name, videos_at
+from evenlight.stimuli.video.video_locations import shown_name
 
 FILES = ("b10.mkv", "b2.MKV", "notes.txt", ".hidden.mkv", "more/a film.mp4", "more/c.odd", ".kept/d.mp4")
 
