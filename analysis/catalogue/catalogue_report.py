@@ -89,6 +89,8 @@ class Catalogue(Result):
         if saved := _saved(made):
             of = f"of {len(saved)} video{'s' * (len(saved) > 1)}"
             cards.append(KeyFigure(f"{100 * np.median(saved):.0f} %", "of power saved, median", of))
+        if damaged := sum(bool(row.frames_held or row.frames_skipped) for row in made):
+            words += f". Of {damaged}, damage cost pictures, which {CATALOGUE} counts"
         if failed:
             words += f". {failed} failed: {CATALOGUE} says why"
             cards.append(

@@ -44,6 +44,8 @@ class CatalogueRow:
     )
     mean_power: float | None = quantity("W", "mean power of the track", minimum=0.0, default=None)
     full_power: float | None = quantity("W", "mean power at full brightness", minimum=0.0, default=None)
+    frames_held: int | None = count("frames that damage made show the picture before", default=None)
+    frames_skipped: int | None = count("pictures that are left out, as damage costs them", default=None)
     seconds: float | None = quantity(
         "s", "time that it took, when it was made", minimum=0.0, key="seconds", default=None
     )
@@ -65,6 +67,8 @@ def row_of(name: str, video: str, summary: OptimizationSummary, seconds: float) 
         name=name,
         video=video,
         gap=1 - bound / value if value > 0 else 0.0,
+        frames_held=None if summary.film is None else summary.film.frames_held,
+        frames_skipped=None if summary.film is None else summary.film.frames_skipped,
         seconds=seconds,
         **{key: getattr(summary, key) for key in OF_SUMMARY},
     )

@@ -4,9 +4,11 @@ import re
 from urllib.parse import unquote
 
 import pytest
+from made_summary import made_summary
 
 from evenlight.analysis.catalogue.catalogue_report import Catalogue
-from evenlight.data_schema.tracks.catalogue import CatalogueRow
+from evenlight.data_schema.tracks.catalogue import CatalogueRow, row_of
+from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 
 
 @pytest.mark.usefixtures("blank_pictures")
@@ -24,3 +26,11 @@ def test_the_gallery_leads_to_the_results_wherever_the_report_is(tmp_path, place
     links = [unquote(link) for card in cards for link in card]
     ends = ["night walk/track.png", "night walk/track.png", "sunrise/player.html", "sunrise/track.png"]
     assert [(tmp_path / place / link).resolve() for link in links] == [tmp_path / "out" / end for end in ends]
+
+
+def test_what_damage_cost_is_counted_for_each_video(tmp_path):
+    films = (FilmReading(damaged=Damaged.SKIP, frames_skipped=3), FilmReading(), None)
+    rows = [row_of("film", "film.ts", made_summary(film=film), 1.0) for film in films]
+    assert [(row.frames_held, row.frames_skipped) for row in rows] == [(0, 3), (0, 0), (None, None)]
+    said, _ = Catalogue(tuple(rows), tmp_path).first_lines
+    assert said.endswith(". Of 1, damage cost pictures, which catalogue.csv counts.")
