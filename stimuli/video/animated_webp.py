@@ -9,6 +9,9 @@ import av
 import numpy as np
 from PIL import Image, ImageSequence
 
+from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, require_size
+from evenlight.stimuli.video.video_locations import VideoPath
+
 TICK = Fraction(1, 1000)  # of the file's durations [s]
 UNREADABLE = (
     OSError,
@@ -19,7 +22,7 @@ UNREADABLE = (
 )  # what Pillow says of damage
 
 
-def film_of_webp(content: bytes) -> io.BytesIO | None:
+def film_of_webp(path: VideoPath, content: bytes) -> io.BytesIO | None:
     """Return an animated WebP as QuickTime Animation, lossless with its alpha and times; None for a still.
 
     Pictures of 0 ms are never seen, and left out. What is damaged raises one of `UNREADABLE`.
@@ -27,6 +30,7 @@ def film_of_webp(content: bytes) -> io.BytesIO | None:
     with Image.open(io.BytesIO(content), formats=["WEBP"]) as image:
         if not getattr(image, "is_animated", False):
             return None
+        require_size(image.width * image.height, MOST_PIXELS, path, "pixels a frame")
         film, ticks = io.BytesIO(), 0
         with av.open(film, "w", format="mov") as container:
             stream = container.add_stream("qtrle", rate=1 / TICK)

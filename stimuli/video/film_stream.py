@@ -71,7 +71,9 @@ def opened_container(path: VideoPath, content: FilmBytes | None = None) -> Itera
 def _animation(path: VideoPath, content: FilmBytes) -> io.BytesIO | None:
     content.seek(0)
     try:
-        return film_of_webp(content.read(content.size))
+        return film_of_webp(path, content.read(content.size))
+    except InputError:
+        raise
     except UNREADABLE as error:
         raise InputError(f"{path} is a damaged WebP ({error}); give a whole copy of it") from error
 
