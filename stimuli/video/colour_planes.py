@@ -44,18 +44,12 @@ class PixelReader:
     ----------
     pixel_aspect : Fraction
         Width of the frames' pixels over their height; what comes out has square ones.
-    amid : dict, optional
-        What is known of the frames of one video: where samples of chroma lie, by their tags. More is added.
     """
 
-    def __init__(
-        self,
-        pixel_aspect: Fraction = SQUARE,
-        amid: dict[object, tuple[bool, bool] | None] | None = None,
-    ) -> None:
+    def __init__(self, pixel_aspect: Fraction = SQUARE) -> None:
         self._convert = ColourConverter(pixel_aspect)
         self._one_at_a_time = threading.Lock()  # the converter keeps its tables
-        self._amid = {} if amid is None else amid
+        self._amid: dict[object, tuple[bool, bool] | None] = {}  # where chroma lies, by the tags of frames
 
     def pixels(self, frame: VideoFrame) -> Pixels:
         """Return the pixels of a frame, upright; raises what `ColourConverter.rgb` raises.

@@ -69,10 +69,6 @@ class VideoFile:
     pixel_aspect: Fraction
     field_of_view: float | None
     notes: tuple[str, ...]
-    # Of pictures that were decoded: how their planes give their light (`PixelReader`).
-    _planes: dict[object, tuple[bool, bool] | None] = field(
-        default_factory=dict, init=False, compare=False, repr=False
-    )
 
     @property
     def name(self) -> str:
@@ -110,13 +106,14 @@ class VideoFile:
         places = np.flatnonzero(self.timeline.durations)[chosen]
         key_between = np.diff(np.searchsorted(self.keys, places, side="right")) > 0
         for run in np.split(places, 1 + np.flatnonzero(key_between & (np.diff(chosen) > 1))):
-            yield from self._frames(run.tolist())
+            if len(run):
+                yield from self._frames(run.tolist())
 
     def _frames(self, places: list[int]) -> Iterator[Frame]:
         """Yield the frames at rising places, decoded from the first to the last of them."""
         times, durations = self.timeline.times, self.timeline.durations
-        reader, shape, wanted = PixelReader(self.pixel_aspect, self._planes), None, set(places)
-        for k, picture in self._pictures_from(places[0]):
+        reader, shape, wanted = PixelReader(self.pixel_aspect), None, set(places)
+        for k, picture in self.pictures(places[0]):
             if k not in wanted:
                 continue
             try:
@@ -136,17 +133,19 @@ class VideoFile:
             if k == places[-1] and durations[k + 1 :].any():
                 return
 
-    def pictures(self) -> Iterator[tuple[int, av.VideoFrame]]:
+    def pictures(self, first: int = 0) -> Iterator[tuple[int, av.VideoFrame]]:
         """Yield the frames that are seen as they are decoded, each with its place in the timeline.
+
+        Parameters
+        ----------
+        first : int
+            Place of the first one.
 
         Raises
         ------
         InputError
             If a frame is damaged or missing.
         """
-        return self._pictures_from(0)
-
-    def _pictures_from(self, first: int) -> Iterator[tuple[int, av.VideoFrame]]:
         seen = self.timeline.durations > 0
         with self._decoded_from(first) as (k, pictures):
             yield from ((k, one) for k, one in self._placed(k, pictures) if k >= first and seen[k])

@@ -170,6 +170,7 @@ def require_the_same(video: VideoSource, numbers: tuple[int, ...]) -> None:
         assert rest == every[number:]
     found = [(frame.time, frame.pixel_values.tobytes()) for frame in frames_at(video, numbers)]
     assert found == [every[number] for number in numbers]
+    assert not list(frames_at(video, ()))
 
 
 @pytest.mark.slow

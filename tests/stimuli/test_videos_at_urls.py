@@ -25,7 +25,6 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.stimuli.sequences import open_video, open_videos
 from evenlight.stimuli.video import video_locations
-from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_bytes import FilmBytes
 from evenlight.stimuli.video.video_file import open_video_file
 from evenlight.stimuli.video.video_locations import shown_name
@@ -466,17 +465,3 @@ def test_a_file_that_shrinks_is_said_to_end(some: Path) -> None:
             InputError, match=rf"^cannot read .*: it ends at byte 2000 of {len(CONTENT)}; give"
         ):
             stream.read(10)
-
-
-def test_what_is_known_of_a_films_pictures_is_sought_once(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sought = []
-    amid_for = PixelReader._amid_for
-    monkeypatch.setattr(
-        PixelReader, "_amid_for", lambda self, frame: (sought.append(1), amid_for(self, frame))[1]
-    )
-    opened = open_video_file(noise_film(tmp_path / "a.mp4", "mpeg4"))
-    first, again = ([frame.pixel_values.tobytes() for frame in opened.frames()] for _ in range(2))
-    assert first == again
-    assert sought == [1]
