@@ -7,7 +7,7 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack, contextmanager
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import av
 from av.error import FFmpegError
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 SUPPORTED = "give a video file that FFmpeg plays, or a folder of images"
 ALONE = {"protocol_whitelist": "none"}  # a file opens no other, as playlists do: its SHA-256 is of all
-MOST_STREAMS = 32  # more are looked at without a limit to their pictures
 FIELD_OF_VIEW = "FIELD_OF_VIEW"  # tag of the file: the degrees that the width was rendered to span
 COVER = Disposition.attached_pic | Disposition.still_image | Disposition.timed_thumbnails
 
@@ -38,8 +37,8 @@ def bounded_pictures() -> dict[str, str]:
 
 def open_alone(content: FilmBytes) -> InputContainer:
     """Open a container of pictures that are not too large, and no file that it names."""
-    bounds: Any = [bounded_pictures()] * MOST_STREAMS
-    return av.open(content, "r", options=ALONE, stream_options=bounds)
+    # The decoders take them too, with which it is looked what the streams are.
+    return av.open(content, "r", options=ALONE | bounded_pictures())
 
 
 @contextmanager
