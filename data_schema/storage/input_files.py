@@ -47,16 +47,16 @@ def open_input(path: Path, what: str, most: int | None = None) -> BinaryIO:
         raise InputError(f"{path}: {reason}; expected {what}") from error
     except ValueError as error:  # a null character, say
         raise InputError(f"{str(path)!r}: is no name of a file ({error}); expected {what}") from None
-    stream, found = os.fdopen(handle, "rb"), os.fstat(handle)
+    found = os.fstat(handle)  # before it is a stream, which no folder can be
     try:
         if not stat.S_ISREG(found.st_mode):
             raise InputError(f"{path}: {_kind_at(path) or 'is no file'}; expected {what}")
         if most is not None:
             require_size(found.st_size, most, path, "bytes")
     except InputError:
-        stream.close()
+        os.close(handle)
         raise
-    return stream
+    return os.fdopen(handle, "rb")
 
 
 def require_plain_file(path: Path, what: str) -> None:
