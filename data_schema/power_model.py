@@ -78,7 +78,7 @@ class PowerModel:
             )
         if self.kind is PanelKind.OLED and not self.red_power + self.green_power + self.blue_power > 0:
             raise ValueError("an oled power model needs a channel power above 0 W")
-        full, by = self._light_power
+        full, by = self.light_power
         if not LEAST_LIGHT <= full <= LARGEST:
             raise ValueError(
                 f"the light at full brightness ({by}) must take {LEAST_LIGHT:g} to {LARGEST:g} W, "
@@ -86,8 +86,8 @@ class PowerModel:
             )
 
     @property
-    def _light_power(self) -> tuple[float, str]:
-        """What the light takes at full brightness [W], and what that is computed from."""
+    def light_power(self) -> tuple[float, str]:
+        """What the light of a full white takes [W], and what that is computed from."""
         if self.kind is PanelKind.LCD:
             by = "power_per_luminance_w_m2_cd times peak_luminance_cd_m2"
             return self.power_per_luminance * self.peak_luminance, by

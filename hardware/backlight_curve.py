@@ -80,11 +80,11 @@ def read_backlight_curve(path: Path) -> BacklightCurve:
     """
     rows = [row for row in read_rows(LuminanceLevel, path) if row.factor is not None and row.luminance]
     shared = all(row.share is not None for row in rows)
-    levels = sorted((row.achieved_factor, row.share if shared else row.luminance) for row in rows)
+    rows.sort(key=lambda row: row.achieved_factor)
+    factors = tuple(row.achieved_factor for row in rows)
     try:
-        return BacklightCurve(
-            tuple(factor for factor, _ in levels), tuple(float(light or 0.0) for _, light in levels)
-        )
+        measured = BacklightCurve(factors, tuple(float(row.luminance or 0.0) for row in rows))
+        return BacklightCurve(factors, tuple(row.share or 0.0 for row in rows)) if shared else measured
     except ValueError as error:
         raise InputError(f"{path}: {error}") from None
 

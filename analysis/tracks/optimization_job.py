@@ -231,6 +231,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         wide_band_accepted=bool(request.rate_limit.wide_band),
         actuator=curves.actuator,
         display=display,
+        panel=request.power_model,
         film=film_reading(job.source),
     )
 

@@ -19,7 +19,7 @@ from evenlight.data_schema.mapping import keys_of
 from evenlight.data_schema.quantities import Array
 from evenlight.data_schema.record_kinds import FileFormat, RecordKind, known_kinds
 from evenlight.data_schema.storage.text_files import parse_json, read_text, read_toml
-from evenlight.data_schema.tracks.brightness_track import TRACK_COLUMNS, BrightnessTrack
+from evenlight.data_schema.tracks.brightness_track import DERIVED, TRACK_COLUMNS, BrightnessTrack
 from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
@@ -276,6 +276,15 @@ def mean_absolute_difference(values: Array) -> float:
 
 def _compare_curves(checked: CheckedFile, track: BrightnessTrack) -> None:
     curves: LossCurves = checked.records[0][1]
+    if curves.n_frames == len(track.factors):
+        shown = track.factors * curves.mean_luminance + curves.display.reflected_luminance
+        wrong = abs(track.mean_luminance - shown) > DERIVED * shown
+        if wrong.any():
+            k = int(wrong.argmax())
+            checked.blame(
+                f"mean_luminance of frame {k}: the track's factor makes {shown[k]:g} cd/m^2 of it, and its "
+                f"mean_luminance_cd_m2 is {track.mean_luminance[k]:g}"
+            )
     for key, got, other in (
         ("video", curves.video, track.header.video),
         ("display fingerprint", curves.display.fingerprint, track.header.display_fingerprint),

@@ -49,6 +49,7 @@ class LuminanceLevel:
     luminance: float | None = quantity(
         "cd/m^2",
         "mean of the readings, reflected light included; empty if all were too dark for the meter",
+        minimum=0.0,
         maximum=HIGHEST_LUMINANCE,
     )
     pixel_value: float = share("L' that was shown", default=1.0)

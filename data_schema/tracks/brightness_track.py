@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -15,6 +16,7 @@ from typing import Any
 from evenlight.data_schema.display import COARSEST, FINEST, HIGHEST_LUMINANCE, Display
 from evenlight.data_schema.errors import InputError, told_of_file
 from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import (
     Array,
@@ -38,6 +40,8 @@ from evenlight.data_schema.tracks.film_reading import FilmReading
 
 ROUNDING = 1e-3  # s: sections whose ends are rounded to milliseconds overlap by as much
 LUMINANCE_SLACK = 1e-3  # share of a display's luminance, for means of 32-bit numbers
+DERIVED = 2 * LUMINANCE_SLACK  # share by which a column may miss what it follows from
+MOST_GAPS = 2.0  # a frame is shown for as long as until the next one begins, or half of it
 ACTUATOR = "what dims the video: the backlight, or pixels, which show nothing darker than the display's black"
 PROCEDURE = "what the participants of the rate limit were asked"
 WIDE_BAND = "true if the rate limit's band is too wide for use or missing, and was accepted all the same"
@@ -90,6 +94,9 @@ class TrackHeader:
     )
     display: Display | None = described(
         "the display that it was made for; null in tracks of earlier versions", default=None
+    )
+    panel: PowerModel | None = described(
+        "the power model that it was made with; null in tracks of earlier versions", default=None
     )
     film: FilmReading | None = described(
         "how the video's file was read; null where only loss curves were, and in older tracks", default=None
@@ -158,11 +165,12 @@ def read_track(path: Path) -> BrightnessTrack:
                 raise InputError(f"{file}: no such file; there is no brightness track without it")
     header = read_json_record(TrackHeader, path.with_suffix(".json"))
     rows = csv_rows(path, TRACK_COLUMNS, "a brightness track (csv)")
-    table = []
+    table, lines = [], []
     for frame, (line, cells) in enumerate(rows):
         where = f"{path}, line {line}"
         if cells[0] != str(frame):
             raise InputError(f"{where}: frame: expected {frame}, the frames from 0 on, got {cells[0]!r}")
+        lines.append(line)
         table.append(
             [number_in(cell, f"{where}: {name}") for name, cell in zip(TRACK_COLUMNS, cells, strict=True)]
         )
@@ -173,14 +181,45 @@ def read_track(path: Path) -> BrightnessTrack:
         track = BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
     except ValueError as error:
         raise InputError(f"{path}: {told_of_file(error)}") from error
-    against = (track.factors[1:] - track.factors[:-1]) * track.rate[:-1] < 0
-    if against.any():
-        k = int(against.argmax())
-        raise InputError(
-            f"{path}: rate_cd_m2_s of frame {k} contradicts the factors: from {track.factors[k]:g} to "
-            f"{track.factors[k + 1]:g} luminance cannot change by {track.rate[k]:g} cd/m^2/s"
-        )
+    for name, low, high in possible_columns(track):
+        got = getattr(track, name)
+        wrong = (got < low - DERIVED * abs(low)) | (got > high + DERIVED * abs(high))
+        if wrong.any():
+            k = int(wrong.argmax())
+            column = TRACK_COLUMNS[1 + _ARRAYS.index(name)]
+            reach = f"{low[k]:.6g}" if low[k] == high[k] else f"{low[k]:.6g} to {high[k]:.6g}"
+            raise InputError(
+                f"{path}, line {lines[k]}: {column} of frame {k} contradicts the factors: at "
+                f"{track.factors[k]:g} expected {reach}, got {got[k]:.6g}; make the track again"
+            )
     return track
+
+
+def possible_columns(track: BrightnessTrack) -> Iterator[tuple[str, Array, Array]]:
+    """Yield the columns that follow from others: the name, and between what arrays (N,) its numbers lie.
+
+    Luminance lies between that of black and of white at a factor, if the display is known. Power is that of
+    the panel, if it is known; of an OLED, between black and white. A rate is a step of the factor, of no more
+    than white, in the time of a frame, and within its limit.
+    """
+    import numpy as np
+
+    factors, display, panel = track.factors, track.header.display, track.header.panel
+    steps = np.append(np.diff(factors), 0.0)
+    fastest = np.where(steps == 0, 0.0, track.rate_limit)
+    if display is not None:
+        seconds = np.append(np.diff(track.times), 1.0)
+        fastest = np.minimum(fastest, MOST_GAPS * abs(steps) * display.peak_luminance / seconds)
+        reflected = display.reflected_luminance
+        yield (
+            "mean_luminance",
+            factors * display.black_level + reflected,
+            factors * display.peak_luminance + reflected,
+        )
+    yield "rate", np.where(steps < 0, -fastest, 0.0), np.where(steps > 0, fastest, 0.0)
+    if panel is not None:
+        most = panel.base_power + factors * panel.light_power[0]
+        yield "power", most if panel.kind is PanelKind.LCD else np.full_like(most, panel.base_power), most
 
 
 def require_display_of(header: TrackHeader, display: Display, named: str, otherwise: str = "") -> None:

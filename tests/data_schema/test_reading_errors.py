@@ -12,6 +12,7 @@ from example_tracks import HEADER, example_track
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.power_model import PanelKind, PowerModel
 from evenlight.data_schema.provenance import SCHEMA_VERSION, Provenance
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.recordings.ramp import RampDesign
@@ -412,7 +413,14 @@ def test_no_array_of_loss_curves_holds_a_number_that_is_none(
     ("column", "cell", "words"),
     [
         (4, "1e300", "mean_luminance_cd_m2 must be at most 2e"),
-        (5, "-1.0", "rate_cd_m2_s of frame 0 contradicts the factors: from 0.5 to 0.6"),
+        (5, "-1.0", "line 2: rate_cd_m2_s of frame 0 contradicts the factors: at 0.5 expected 0 to "),
+        (5, "1e4", "line 2: rate_cd_m2_s of frame 0 contradicts"),
+        (
+            4,
+            "17000",
+            "line 2: mean_luminance_cd_m2 of frame 0 contradicts the factors: at 0.5 expected 0.1 to",
+        ),
+        (7, "1e6", "line 2: power_w of frame 0 contradicts the factors: at 0.5 expected 1, got 1e+06"),
     ],
 )
 def test_a_track_that_contradicts_itself_is_refused(
@@ -420,6 +428,11 @@ def test_a_track_that_contradicts_itself_is_refused(
 ) -> None:
     make_stimulus(tmp_path, [0.5, 0.6, 0.6])
     path = tmp_path / "track.csv"
+    track = read_track(path)
+    panel = PowerModel("p", PanelKind.LCD, 0.5, power_per_luminance=0.01, peak_luminance=100.0)
+    header = replace(track.header, display=load_display("varjo-xr3"), panel=panel)
+    write_track(path, replace(track, header=header, power=0.5 + track.factors))
+    read_track(path)
     lines = path.read_text().splitlines()
     cells = lines[1].split(",")
     cells[column] = cell

@@ -63,15 +63,17 @@ def test_a_brightness_track_survives_csv_and_json(
     records_of: Strategies, tmp_path_factory: pytest.TempPathFactory, data: st.DataObject, n: int
 ) -> None:
     factors = data.draw(_columns(n, 1e-3, 1.0))
+    rate = np.append(np.diff(factors), 0.0) * data.draw(st.floats(0.0, 1e4))
+    header = data.draw(records_of(TrackHeader))
     track = BrightnessTrack(
         times=np.arange(n) / data.draw(st.floats(1.0, 240.0)),
         factors=factors,
         contrast_loss=data.draw(_columns(n, 0.0, 1.0)),
         mean_luminance=data.draw(_columns(n, 0.0, 1e4)),
-        rate=np.append(np.diff(factors), 0.0) * data.draw(st.floats(0.0, 1e4)),
-        rate_limit=data.draw(_columns(n, 0.0, 1e4)),
+        rate=rate,
+        rate_limit=np.abs(rate) + data.draw(_columns(n, 0.0, 1e4)),
         power=data.draw(_columns(n, 0.0, 1e3)),
-        header=data.draw(records_of(TrackHeader)),
+        header=replace(header, display=None, panel=None),  # else they would not be those of the columns
     )
     path = tmp_path_factory.getbasetemp() / "track.csv"
     write_track(path, track)

@@ -135,7 +135,7 @@ def test_files_give_back_every_bit(make_curves, tmp_path) -> None:
     header = replace(HEADER, budget=1 / 3)
     factors = np.maximum(odd, 1e-3)
     rate = np.append(np.diff(factors), 0.0) / 3
-    track = BrightnessTrack(86_400 + np.arange(24) / 240, factors, odd, 1e4 * odd, rate, odd, odd, header)
+    track = BrightnessTrack(86_400 + np.arange(24) / 240, factors, odd, 1e4 * odd, rate, 1 + odd, odd, header)
     write_track(tmp_path / "track.csv", track)
     back = read_track(tmp_path / "track.csv")
     for name in ("times", "factors", "contrast_loss", "mean_luminance", "rate", "rate_limit", "power"):

@@ -114,7 +114,6 @@ def test_a_table_of_three_columns_made_by_hand_will_do(tmp_path: Path) -> None:
         ({0.2: 20.0, 0.6: 90.0, 0.9: 150.0}, "must end at factor 1, the full backlight, got 0.9"),
         ({0.5: 20.0, 1.0: 200.0}, "need at least 3 levels with a luminance each, got 2"),
         ({0.1: None, 0.2: None, 1.0: None}, "need at least 3 levels with a luminance each, got 0"),
-        ({0.2: -1.0, 0.6: 90.0, 1.0: 200.0}, "must lie above 0, got 0.2 and -1"),
     ],
 )
 def test_a_curve_that_cannot_be_inverted_is_refused_in_one_line(tmp_path, luminances, says) -> None:
@@ -122,6 +121,16 @@ def test_a_curve_that_cannot_be_inverted_is_refused_in_one_line(tmp_path, lumina
     with pytest.raises(InputError, match=says) as refused:
         read_backlight_curve(path)
     assert str(refused.value).startswith(str(path))
+
+
+def test_shares_that_rise_excuse_no_luminance_below_0(tmp_path: Path) -> None:
+    path = table(tmp_path / "brightness.csv", {0.2: 20.0, 0.6: 90.0, 1.0: 200.0}, share=True)
+    path.write_text(path.read_text().replace(",20.0,", ",-98.0,"))
+    with pytest.raises(InputError, match=r"line 2: luminance_cd_m2 must be at least 0 .*, got -98"):
+        read_backlight_curve(path)
+    path.write_text(path.read_text().replace(",-98.0,", ",98.0,"))
+    with pytest.raises(InputError, match=r"must rise with the factor, got 98 at 0.2 and 90 at 0.6"):
+        read_backlight_curve(path)
 
 
 def test_a_table_of_other_columns_is_refused(tmp_path: Path) -> None:
