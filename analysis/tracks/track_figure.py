@@ -251,6 +251,10 @@ def _draw_thumbnails(
     (left, first, width), (wide, high), font = place, size, rcParams["font.size"]
     em = font / 72
     rows = (first, first + high + 0.15 * em)
+    axes = style.axes_at(
+        figure, left, first, width, rows[1] + high - first
+    )  # one of their own each takes 20 ms
+    axes.set_axis_off()
     for k, (letter, (index, picture)) in enumerate(zip(LETTERS, thumbnails, strict=False)):
         middle = left + (k + 0.5) * width / len(thumbnails)
         factor = float(data.track.factors[index])
@@ -259,9 +263,9 @@ def _draw_thumbnails(
             figure, middle, first - 0.3 * em, heading, ha="center", va="bottom", fontsize=0.9 * font
         )
         for top, shown in zip(rows, (picture, dimmed_picture(picture, factor)), strict=True):
-            axes = style.axes_at(figure, middle - wide / 2, top, wide, high)
-            axes.imshow(shown, aspect="auto")
-            axes.set_axis_off()
+            sides = middle - wide / 2, middle + wide / 2
+            axes.imshow(shown, aspect="auto", extent=(*sides, top + high, top))
+    axes.set(xlim=(left, left + width), ylim=(rows[1] + high, first))
     for top, words in zip(rows, ("full\nbrightness", "as shown,\ndimmed by b"), strict=True):
         own: dict[str, Any] = {"ha": "right", "va": "center", "color": style.MUTED, "fontsize": 0.8 * font}
         style.text_at(figure, left - 0.4 * em, top + high / 2, words, **own)

@@ -175,7 +175,7 @@ def test_a_change_where_none_is_allowed_has_no_share_of_its_limit() -> None:
 
 def test_a_picture_for_each_thumbnail_at_full_brightness_and_dimmed() -> None:
     given = data(pictures=3)
-    pictures = [np.asarray(axes.images[0].get_array()) for axes in track_figure(given).axes if axes.images]
+    pictures = [np.asarray(image.get_array()) for image in track_figure(given).axes[-1].images]
     assert len(pictures) == 6
     pairs = zip(pictures[::2], pictures[1::2], strict=True)
     for (index, original), (full, dimmed) in zip(given.samples, pairs, strict=True):
