@@ -75,10 +75,9 @@ class PixelReader:
             return self._convert.rgb(frame)
 
     def _planes(self, frame: VideoFrame, amid: tuple[bool, bool]) -> LumaChroma:
-        width, height = self._convert.shown_size(frame)
         with self._one_at_a_time:
             luma, blue, red = planes_of(self._convert.with_square_pixels(frame))
-        planes = luma[:height, :width], blue, red
+        planes = luma[self._convert.shown_part(frame)], blue, red
         full = frame.color_range == ColorRange.JPEG
         return LumaChroma(planes, LUMA_WEIGHTS[frame.colorspace], full, amid, lambda: self._rgb(frame))
 

@@ -79,7 +79,7 @@ class ColourConverter:
         UnsupportedColourError
             If the pixels are not gamma-encoded, or of a format or colour matrix that is not understood.
         """
-        depth, (width, height) = _depth(frame.format), self.shown_size(frame)
+        depth, part = _depth(frame.format), self.shown_part(frame)
         require_gamma_encoded(frame)
         complete_tags(frame)
         frame = self.with_square_pixels(frame)
@@ -93,11 +93,12 @@ class ColourConverter:
             kind = "yuv444p" if pixels.dtype == np.uint8 else "yuv444p16le"
             channels = VideoFrame.from_ndarray(np.ascontiguousarray(pixels.transpose(2, 0, 1)), kind)
             pixels = self.with_square_pixels(channels).to_ndarray().transpose(1, 2, 0)
-        return upright(pixels[:height, :width], self.display_matrix(frame))
+        return upright(pixels[part], self.display_matrix(frame))
 
-    def shown_size(self, frame: VideoFrame) -> tuple[int, int]:
-        """Return width and height of a frame in square pixels, before it is turned."""
-        return square_size(frame.width, frame.height, self._aspect)
+    def shown_part(self, frame: VideoFrame) -> tuple[slice, slice]:
+        """Return rows and columns of a frame in square pixels, without added samples of chroma."""
+        rows = slice(frame.height if self._aspect >= 1 else None)
+        return rows, slice(frame.width if self._aspect <= 1 else None)
 
     def with_square_pixels(self, frame: VideoFrame) -> VideoFrame:
         """Return a frame with whole samples of chroma, its planes interpolated by cubics to square pixels.
@@ -107,12 +108,10 @@ class ColourConverter:
         frame = _with_whole_chroma(frame)
         if self._aspect == SQUARE or not frame.format.name.startswith(PLANES):
             return frame
-        width, height = self.shown_size(frame)
+        width, height = square_size(frame.width, frame.height, self._aspect)
         # In one thread: FFmpeg writes beyond the ends of rows, into those that another thread has done. Along
         # rows it is as exact without accurate rounding, and takes 0.4 times as long.
-        cubic = (
-            Interpolation.BICUBIC if self._aspect > 1 else Interpolation.BICUBIC | Interpolation.ACCURATE_RND
-        )
+        cubic = Interpolation.BICUBIC | (0 if self._aspect > 1 else Interpolation.ACCURATE_RND)
         return self._resampler.reformat(frame, width=width, height=height, interpolation=cubic, threads=1)
 
     def display_matrix(self, frame: VideoFrame) -> tuple[int, ...] | None:

@@ -155,6 +155,8 @@ def test_pixels_that_are_no_squares_come_as_planes_too_with_the_light_of_rgb(pix
     assert isinstance(pixels, LumaChroma)
     assert pixels.shape == rgb.shape
     np.testing.assert_array_equal(light().luminance(pixels), light().luminance(rgb))
+    for plane, whole in zip(pixels.planes, VideoFrame(*rgb.shape[1::-1], pixel_format).planes, strict=True):
+        assert plane.shape == (whole.height, whole.width)
 
 
 @pytest.mark.parametrize("pixel_format", ["yuv420p10le", "yuva420p", "gbrp", "gray", "yuv411p"])
