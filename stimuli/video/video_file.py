@@ -171,11 +171,14 @@ class VideoFile:
         """Yield pictures from one at or before some place on, and the place of the first."""
         begins_later = np.searchsorted(self.keys, first, side="right") > 1
         for seconds in (*SEEK_BACK, None) if begins_later else (None,):
-            with opened_container(self.path) as container:
+            with FilmBytes(self.path) as content, opened_container(self.path, content) as container:
                 reader = FilmReader(self.path, container, self.reading, self.timeline.times)
                 found = reader.pictures() if seconds is None else self._sought(reader, first, seconds)
                 if found is not None:
                     yield 0 if seconds is None else first, found
+                    # Of a film that was read to its end, few bytes if any are not hashed by now.
+                    if seconds is None and content.sha256() != self.content:
+                        raise InputError(f"{self.path} has changed since it was opened; run this again")
                     return
 
     def _sought(self, reader: FilmReader, first: int, seconds: float) -> Iterator[av.VideoFrame] | None:

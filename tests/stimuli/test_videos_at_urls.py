@@ -377,9 +377,9 @@ def test_a_playlist_from_elsewhere_opens_no_file_here(tmp_path: Path) -> None:
 CONTENT = bytes(range(256)) * 400
 
 
-def noise_film(path: Path, codec: str) -> Path:
+def noise_film(path: Path, codec: str, seed: int = 1) -> Path:
     """Write a film of moving noise."""
-    noise = np.random.default_rng(1).integers(0, 256, (180, 160), np.uint8)
+    noise = np.random.default_rng(seed).integers(0, 256, (180, 160), np.uint8)
     with av.open(str(path), "w") as container:
         stream = container.add_stream(codec, rate=25)
         stream.width, stream.height, stream.pix_fmt = 160, 120, "yuv420p"
@@ -422,6 +422,14 @@ def test_packets_and_hash_take_one_reading(tmp_path: Path, read: list[int], name
     assert opened.n_frames == 60
     assert opened.sha256() == sha256_of_file(path)
     assert size <= sum(read) < 1.1 * size + 2**16
+
+
+def test_a_film_that_changes_after_it_was_opened_is_not_taken_for_that_of_its_hash(tmp_path: Path) -> None:
+    opened = open_video_file(noise_film(tmp_path / "a.mkv", "ffv1"))
+    assert len(list(opened.frames())) == 60
+    noise_film(tmp_path / "a.mkv", "ffv1", seed=2)
+    with pytest.raises(InputError, match=r"a\.mkv has changed since it was opened; run this again$"):
+        list(opened.frames())
 
 
 @pytest.mark.parametrize(
