@@ -2,12 +2,17 @@
 
 from collections.abc import Mapping
 
+from evenlight.data_schema.printed import in_one_line
+
 
 class InputError(ValueError):
     """Input that cannot be used: the message names the file or argument, the value, and what would be right.
 
     Every other exception that reaches the command is a defect of Evenlight, not of its input.
     """
+
+    def __init__(self, *words: object) -> None:
+        super().__init__(*(in_one_line(one) if isinstance(one, str) else one for one in words))
 
 
 class ArgumentError(InputError):

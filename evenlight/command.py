@@ -5,11 +5,13 @@ from __future__ import annotations
 import functools
 import io
 import itertools
+import logging
 import os
 import signal
 import sys
 import threading
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from inspect import signature
@@ -34,6 +36,7 @@ from evenlight.data_schema.checking import validate_command
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export import export_command
 from evenlight.data_schema.importing import import_command
+from evenlight.data_schema.printed import printed_streams
 from evenlight.data_schema.quantities import require_computable
 from evenlight.data_schema.storage.input_sizes import LARGE_OK
 from evenlight.experiments import new_command, play_command, watch_command
@@ -191,6 +194,14 @@ def main(arguments: list[str] | None = None) -> None:
     progress.told_by_default, progress.begun = "--quiet" not in given, time.monotonic()
     if ANY_SIZE in given:
         os.environ[LARGE_OK] = "1"
+    logging.getLogger("matplotlib").setLevel(logging.CRITICAL)  # its lines are none of ours
+    warnings.filterwarnings("ignore", "Glyph .* missing", UserWarning)
+    with printed_streams():
+        _run(given)
+
+
+def _run(given: Sequence[str]) -> NoReturn:
+    """Do what the command line asks, and end with what it is to say at the end."""
     try:
         _refuse_empty(given)
         with _termination_raised():

@@ -24,6 +24,7 @@ from rich.text import Text
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.printed import printable, terminal_of
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, MANIFEST, TRIALS
 from evenlight.data_schema.recordings.ramp import (
     Direction,
@@ -224,7 +225,8 @@ def live_view(folder: Path, quiet: bool) -> Iterator[Callable[[], None]]:
         return
     session: SessionSoFar | None = None
     due = 0.0
-    with _Pen(sys.stderr) as pen, _drawn(Console(file=pen, force_terminal=True, highlight=False)) as draw:
+    terminal = terminal_of(sys.stderr)
+    with _Pen(terminal) as pen, _drawn(Console(file=pen, force_terminal=True, highlight=False)) as draw:
 
         def show(*, last: bool = False) -> None:
             nonlocal session, due
@@ -244,6 +246,10 @@ def live_view(folder: Path, quiet: bool) -> Iterator[Callable[[], None]]:
         show(last=True)
 
 
+def _said(session: SessionSoFar) -> str:
+    return printable("\n".join(in_words(session)))
+
+
 @contextmanager
 def _drawn(console: Console) -> Iterator[Callable[[SessionSoFar], None]]:
     """Yield what draws how a session stands, in place of what it drew before."""
@@ -252,7 +258,7 @@ def _drawn(console: Console) -> Iterator[Callable[[SessionSoFar], None]]:
 
     def draw(session: SessionSoFar) -> None:
         live.start()  # not before there is something to show: what is refused is told in one line
-        live.update(Text("\n".join(in_words(session))), refresh=True)
+        live.update(Text(_said(session)), refresh=True)
 
     try:
         yield draw
@@ -264,7 +270,7 @@ def watch_session(folder: Path, once: bool, sleep: Callable[[float], None] = tim
     """Show how a session stands on standard output until it ends; once, where there is no terminal."""
     console, session = Console(highlight=False), SessionSoFar(folder)
     if once or not console.is_terminal:
-        console.print("\n".join(in_words(session)), markup=False)
+        console.print(_said(session), markup=False)
         return
     with _drawn(console) as draw, suppress(KeyboardInterrupt):
         draw(session)

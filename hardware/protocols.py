@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, ClassVar, Protocol, Self
 
 from evenlight.data_schema.arguments import real, text
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.printed import in_one_line
 
 if TYPE_CHECKING:  # every command imports this module, and shows its help without numpy
     import moderngl
@@ -53,7 +54,7 @@ class InstrumentError(RuntimeError):
     """
 
     def __init__(self, message: str, fault: Fault = Fault.REFUSED, code: str = "") -> None:
-        super().__init__(message)
+        super().__init__(in_one_line(message))
         self.fault, self.code = fault, code
 
 

@@ -30,6 +30,7 @@ from evenlight.cluster import AHEAD, SchedulerLostError, Workers, result_of, sof
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
+from evenlight.data_schema.printed import in_one_line
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.storage.whole_files import whole_folder
@@ -97,11 +98,11 @@ def _outcome(future: Future, video: CatalogueVideo) -> tuple[CatalogueRow, bool]
         message = "needs more memory than its worker has"
     except Exception as error:  # whatever it is, it must not stop the others
         message = f"{DEFECT}: {type(error).__name__}: {error}"
-    return CatalogueRow(video.name, video.shown, error=" ".join(message.split()) or "unknown"), True
+    return CatalogueRow(video.name, video.shown, error=in_one_line(message) or "unknown"), True
 
 
 def _in_words(row: CatalogueRow) -> str:
-    name = "".join(letter if letter.isprintable() else "?" for letter in row.name)
+    name = in_one_line(row.name)
     if row.error:
         return f"{name}: failed: {row.error}"
     less = None if row.gain is None else less_or_more(row.gain)

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import itertools
+import sys
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
-from rich.console import Console
 
 from evenlight.analysis.tracks.curves_cache import CurvesCache, cache_of
 from evenlight.analysis.tracks.frame_samples import FrameSamples
@@ -209,7 +209,7 @@ def _say_geometry(job: OptimizationJob, geometry: ViewingGeometry) -> None:
 
 def _say(job: OptimizationJob, words: str) -> None:
     if not job.quiet:
-        Console(stderr=True).print(words, highlight=False, markup=False, soft_wrap=True)
+        print(words, file=sys.stderr)
 
 
 def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossCurves]) -> TrackHeader:

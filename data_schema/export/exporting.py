@@ -39,7 +39,7 @@ from evenlight.data_schema.recordings.dataset_writing import MISSING
 from evenlight.data_schema.recordings.roll_call import call_roll, leads_out
 from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.storage.input_files import open_input
-from evenlight.data_schema.storage.tables import csv_text
+from evenlight.data_schema.storage.tables import cell_words, csv_text
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json
 from evenlight.data_schema.storage.whole_files import is_partial, results_folder, write_whole
 
@@ -226,7 +226,7 @@ def export_psych_ds(dataset: Path, folder: Path) -> int:
         copy_files([path for path in files if path not in others], dataset, staging)
         for name, table in tables.items():
             header, *rows = shared_table(table)
-            write_whole(staging / "data" / name, csv_text(header, rows))
+            write_whole(staging / "data" / name, csv_text(header, [[*map(cell_words, row)] for row in rows]))
             variables |= _variables(header, table.with_suffix(".json"))
         write_json(staging / DESCRIPTION, _description(description, variables.values()))
         if dataset / README in files:

@@ -30,6 +30,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 )
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.storage.append_log import record_line
+from evenlight.data_schema.storage.tables import safe_cell
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json, write_json_record
 from evenlight.data_schema.storage.whole_files import make_folder, results_folder, write_whole
 
@@ -260,7 +261,7 @@ def column_descriptions(cls: type[Any], task: str) -> dict[str, Any]:
 
 
 def _tsv(columns: list[str], rows: Iterable[list[str]]) -> str:
-    return "".join("\t".join(cells) + "\n" for cells in [columns, *rows])
+    return "".join("\t".join(map(safe_cell, cells)) + "\n" for cells in [columns, *rows])
 
 
 def _cell(value: object) -> str:

@@ -29,16 +29,35 @@ Record = TypeVar("Record")
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
 _WHOLE_NUMBER = re.compile("[+-]?[0-9]{1,19}")
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9]+(?:[eE][+-]?[0-9]+)?(?:[;\r\n]|$))")  # at the end of a cell
+_FORMULA = re.compile(r"'*[=+@\-\t\r]")  # where a cell begins so, spreadsheets compute it
 MISSING = ("", "n/a")  # how a table says that there is no value: CSV, BIDS
 
 
 def csv_text(columns: Sequence[str], rows: Iterable[Sequence[Any]]) -> str:
-    """Return a table as CSV: numbers in full precision, an empty cell for None."""
+    """Return a table as CSV: numbers in full precision, an empty cell for None.
+
+    Words that a spreadsheet would compute begin with an apostrophe, which `csv_rows` takes off.
+    """
     stream = io.StringIO()
     writer = csv.writer(stream, lineterminator="\n")
     writer.writerow(columns)
-    writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
+    writer.writerows([safe_cell(cell) for cell in row] for row in rows)
     return stream.getvalue()
+
+
+def safe_cell(value: Any) -> Any:
+    """Return what stands in a cell: words that a spreadsheet would compute after an apostrophe.
+
+    >>> safe_cell("=1+1"), safe_cell("-0.5"), safe_cell(None)
+    ("'=1+1", '-0.5', '')
+    """
+    computed = isinstance(value, str) and _FORMULA.match(value) and not _NUMBER.fullmatch(value)
+    return f"'{value}" if computed else "" if value is None else value
+
+
+def cell_words(cell: str) -> str:
+    """Return what a cell says, without the apostrophe of words that a spreadsheet would compute."""
+    return cell[1:] if cell.startswith("'") and _FORMULA.match(cell) else cell
 
 
 def _raise(error: InputError) -> None:
@@ -92,7 +111,7 @@ def csv_rows(
                 got = f"expected {len(header)} cells, got {len(cells)}; the table is torn"
                 torn(InputError(f"{where}: {got}"))
                 continue
-            yield reader.line_num, ["" if place is None else cells[place] for place in order]
+            yield reader.line_num, ["" if place is None else cell_words(cells[place]) for place in order]
     except csv.Error as error:
         raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
 

@@ -29,10 +29,8 @@ vec4 hook() {
 }
 ]]
 
-local FOLDER = os.getenv("TEMP") or os.getenv("TMPDIR") or "/tmp"
-local PREFIX = FOLDER .. "/evenlight-" .. require("mp.utils").getpid() .. "-"
 local times, scales, written = {}, {}, {}
-local current -- the shader file in use, nil while nothing is dimmed
+local current, shown -- the shader file in use, nil while nothing is dimmed, and what scale it has
 local dimming, said -- whether this video is dimmed; if not, why
 
 for time, scale in TRACK:gmatch("(%S+) (%S+)") do
@@ -58,16 +56,13 @@ local function use(shader) -- in one step, so that no frame goes without or has 
     current = shader
 end
 
-local function written_shader(scale)
-    local code = math.floor(scale * 65535 + 0.5)
-    local path = PREFIX .. code .. ".glsl"
-    if path ~= current then
-        local file = assert(io.open(path, "w"))
-        file:write(SHADER:format(math.floor(code / 256), code % 256))
-        file:close()
-        written[#written + 1] = path
-        if #written > 16 then os.remove(table.remove(written, 1)) end -- mpv has read it long ago
-    end
+local function written_shader(code)
+    local path = os.tmpname() -- which makes the file: nobody else can have put one there
+    local file = assert(io.open(path, "w"))
+    file:write(SHADER:format(math.floor(code / 256), code % 256))
+    file:close()
+    written[#written + 1] = path
+    if #written > 16 then os.remove(table.remove(written, 1)) end -- mpv has read it long ago
     return path
 end
 
@@ -89,8 +84,9 @@ end
 
 local function follow(_, time)
     if time and dimming then
-        local shader = written_shader(scale_at(time + played_from() - START + FRAME / 4))
-        if shader ~= current then use(shader) end
+        local code = math.floor(scale_at(time + played_from() - START + FRAME / 4) * 65535 + 0.5)
+        if code ~= shown or not current then use(written_shader(code)) end
+        shown = code
     end
 end
 

@@ -118,11 +118,9 @@ def ffmpeg_script(track: ExportedTrack) -> str:
     ]
     first = stretches[0].scale
     said = f"Dims {track.video} ({track.version}, gamma {track.gamma:g}), {len(track.times)} frames"
-    # Without the characters that mean something in a script.
-    words = "".join(letter if letter.isalnum() or letter in " .,()-_" else "_" for letter in said)
     return "\n".join(
         [
-            f"{stream}sendcmd=c='# {words}",
+            f"{stream}sendcmd=c='# {_plain(said)}",
             "# ffmpeg -i VIDEO -filter_complex_script FILE -acodec copy -pix_fmt yuv420p OUT",
             "# In FFmpeg 7 and later, -/filter_complex FILE. For whole videos in SDR, by their own clock.",
             "# Luma above white is cut off, colours above white are not.",
@@ -137,6 +135,11 @@ def ffmpeg_script(track: ExportedTrack) -> str:
     )
 
 
+def _plain(words: str) -> str:
+    """Return words without the characters that mean something in a script."""
+    return "".join(letter if letter.isalnum() or letter in " .,()-_" else "_" for letter in words)
+
+
 def mpv_script(track: ExportedTrack) -> str:
     """Return a Lua script: `mpv --script=FILE VIDEO`; the template `dim.lua` says how it works."""
     frame = float(np.median(np.diff(track.times))) if len(track.times) > 1 else 0.04
@@ -145,7 +148,7 @@ def mpv_script(track: ExportedTrack) -> str:
     duration = film.picture_start + track.times[-1] + frame
     script = (resources.files("evenlight.stimuli.dimmed") / "dim.lua").read_text(encoding="utf-8")
     for name, text in (
-        ("VIDEO", " ".join(track.video.split())),
+        ("VIDEO", _plain(track.video)),
         ("VERSION", track.version),
         ("GAMMA", f"{track.gamma:g}"),
         ("DURATION", f"{max(duration, film.file_duration or 0.0):.6f}"),

@@ -1,6 +1,9 @@
 """Unlucky and hostile input of commands: one line, exit code 2, and nothing half-written."""
 
+import csv
 import inspect
+import io
+import logging
 import math
 import os
 import resource
@@ -9,6 +12,7 @@ import struct
 import subprocess
 import sys
 import typing
+import warnings
 import zlib
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -17,6 +21,7 @@ from typing import Any
 import numpy as np
 import pytest
 from gltf_files import room
+from matplotlib.figure import Figure
 
 from evenlight import command as command_line
 from evenlight.data_schema.errors import InputError
@@ -24,7 +29,7 @@ from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.recordings.dataset_writing import new_dataset
 from evenlight.data_schema.storage.append_log import mend_last_line
 from evenlight.data_schema.storage.input_sizes import LARGE_OK
-from evenlight.data_schema.storage.tables import number_in, plain_cell
+from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in, plain_cell
 from evenlight.data_schema.storage.text_files import DEEPEST, read_text
 from evenlight.data_schema.storage.whole_files import recording_folder, results_folder
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
@@ -273,6 +278,39 @@ def test_large_files_are_read_where_that_is_asked_for(tmp_path, monkeypatch, com
     command("validate", tmp_path, "--large-ok")
     assert next(open_video(str(tmp_path / "images")).frames()).shape == (9000, 9000)
     assert scene_from_gltf(read_gltf(tmp_path / "a.glb"))
+
+
+# Words of strangers
+
+
+def test_what_a_terminal_would_obey_is_printed_as_escapes(tmp_path, command) -> None:
+    (tmp_path / "a\x1b]0;title\x07\u202egpj.display.toml").write_text("")
+    said = command("validate", tmp_path)
+    assert r"a\x1b]0;title\x07\u202egpj.display.toml: is empty" in said.out
+    line = refused(command, "validate", tmp_path / "b\x1b[2J\nevenlight: ok")
+    assert r"b\x1b[2J evenlight: ok" in line
+
+
+@pytest.mark.parametrize("kind", [InputError, InstrumentError])
+def test_a_refusal_is_one_line_whatever_its_values_hold(kind) -> None:
+    assert str(kind("no 'a\nb\x1b[2J\u2028c'")) == r"no 'a b\x1b[2J c'"
+
+
+def test_spreadsheets_compute_no_words_of_a_table(tmp_path) -> None:
+    words = ["\t=1", "=A('b')", "+cmd|calc", "@SUM(1)", "-x", "'=1", "''+1", "'a", "a=b", "-5", "+1e3"]
+    (tmp_path / "a.csv").write_text(csv_text(["name"], [[word] for word in words]))
+    with (tmp_path / "a.csv").open() as stream:
+        _, *cells = csv.reader(stream)
+    assert [cell for (cell,) in cells if cell[0] in "=+@-\t"] == ["-5", "+1e3"]
+    assert [cell for _, (cell,) in csv_rows(tmp_path / "a.csv", ["name"], "a table")] == words
+
+
+def test_lines_of_matplotlib_do_not_come_through(command) -> None:
+    command("--version")
+    assert not logging.getLogger("matplotlib.font_manager").isEnabledFor(logging.WARNING)
+    with warnings.catch_warnings(record=True) as told:
+        Figure(figsize=(1, 1)).text(0.5, 0.5, "\u6620").figure.savefig(io.BytesIO())
+    assert not told
 
 
 # What stands in a file

@@ -204,6 +204,14 @@ def test_the_script_of_mpv_goes_by_the_clock_of_a_late_film_and_knows_how_long_i
     assert "\n0.500000 " in lua and "DURATION, FRAME = 7.000000" in lua  # noqa: PT018 - of one script
 
 
+def test_the_script_for_mpv_writes_no_file_whose_name_others_can_guess() -> None:
+    video = "a\nos.execute('x') @TRACK@.mp4"
+    lua = mpv_script(exported(np.arange(2) / 25, np.array([0.3, 0.9]), video))
+    assert "os.tmpname()" in lua
+    assert "/tmp" not in lua
+    assert lua.startswith("-- Dims a_os.execute(_x_) _TRACK_.mp4 (")
+
+
 @pytest.mark.parametrize("script", [mpv_script, ffmpeg_script])
 def test_a_track_that_does_not_tell_its_films_clock_is_to_be_made_again(script: Callable) -> None:
     with pytest.raises(InputError, match=r"an earlier version made it.*`optimize`"):
