@@ -36,7 +36,8 @@ def track_of(video: Path | str, folder: Path, factors: Sequence[float] | None = 
     header = header_of(DISPLAY, video=source.name, provenance=made, display=DISPLAY)
     rate = np.append(np.sign(np.diff(b)), 0.0)
     folder.mkdir(parents=True, exist_ok=True)
-    write_track(folder / "track.csv", example_track(b, times=times, rate=rate, header=header))
+    seen = {"mean_luminance": 0.5 * b * DISPLAY.peak_luminance, "rate": rate, "rate_limit": 1.0}
+    write_track(folder / "track.csv", example_track(b, times=times, header=header, **seen))
     return b
 
 
