@@ -98,8 +98,7 @@ class PictureRecorder:
             "frames": [curves.n_frames, float(curves.durations[0])],  # a folder of images has any frame rate
             "encoder": [av.__version__, "libx264" in av.codecs_available],
         }
-        # That nothing can be kept is said of the curves.
-        return PictureCache.of(self.source, made_of, lambda words: None)
+        return PictureCache.of(self.source, made_of, lambda words: None)  # what is wrong is said of curves
 
 
 class PictureCache(CurvesCache):

@@ -13,13 +13,8 @@ from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, require_size
 from evenlight.stimuli.video.video_locations import VideoPath
 
 TICK = Fraction(1, 1000)  # of the file's durations [s]
-UNREADABLE = (
-    OSError,
-    EOFError,
-    SyntaxError,
-    ValueError,
-    Image.DecompressionBombError,
-)  # what Pillow says of damage
+# What Pillow says of damage.
+UNREADABLE = (OSError, EOFError, SyntaxError, ValueError, Image.DecompressionBombError)
 
 
 def film_of_webp(path: VideoPath, content: bytes) -> io.BytesIO | None:

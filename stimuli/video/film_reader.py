@@ -6,6 +6,7 @@ picture (docs/decisions/frame-times.md).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from dataclasses import replace
@@ -95,8 +96,7 @@ class FilmReader:
         self._stamps: list[int | None] = []  # of the packets, in their order [ticks]
         self._keys: list[int] = []  # of key frames' packets
         self._first: int | None = None  # of the first packet
-        self._latest: int | None = None
-        self._last_duration = 0  # of the packet with the latest stamp [ticks]
+        self._last: tuple[float, int] = (-math.inf, 0)  # stamp and duration of the latest packet [ticks]
         self._cut_away = 0  # packets that the container's edit list cuts away
         self._begins_with_key = True
         self._in_order = True  # no key frame lies before a picture that is decoded first
@@ -139,9 +139,8 @@ class FilmReader:
         if packet.pts is not None:
             if packet.is_keyframe:
                 self._keys.append(packet.pts)
-                self._in_order &= self._latest is None or packet.pts > self._latest
-            if self._latest is None or packet.pts >= self._latest:
-                self._latest, self._last_duration = packet.pts, packet.duration or 0
+                self._in_order &= packet.pts > self._last[0]
+            self._last = max(self._last, (packet.pts, packet.duration or 0))
 
     def pictures(self) -> Iterator[VideoFrame]:
         """Yield the pictures that are whole, as the decoder gives them; damage that is refused is raised."""
@@ -225,7 +224,7 @@ class FilmReader:
         known = {stamp for stamp in self._stamps if stamp is not None}
         begins = self._begins_with_key and not any(self._leads(stamp) for stamp in known - {self._first})
         if self._is_one_to_one and len(known) == len(self._stamps) and begins and self._in_order:
-            return _film_times(self, sorted(known), self._last_duration)
+            return _film_times(self, sorted(known), self._last[1])
         return None
 
     def times_of_pictures(self) -> FilmTimes:
