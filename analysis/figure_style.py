@@ -12,7 +12,7 @@ from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from matplotlib import rc_context, rcParams
+from matplotlib import rc_context, rcParams, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -35,6 +35,8 @@ QUICK_MARK = "QUICK RUN"  # across figures that are no result
 PERCENT = FuncFormatter(lambda share, _: f"{100 * share:.6g} %")  # an axis of shares
 _MARK: ContextVar[str] = ContextVar("mark", default="")
 _DRAWING = RLock()  # matplotlib's settings are those of the process
+# A `matplotlibrc` of the current folder may say others, and run LaTeX.
+_DEFAULTS: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +115,7 @@ def look(medium: FigureFormat = PAGE) -> Iterator[None]:
         "path.simplify": True,
         "text.parse_math": False,  # a "$" in the name of a video is a dollar
     }
-    with _DRAWING, rc_context(settings):
+    with _DRAWING, rc_context(_DEFAULTS | settings):
         yield
 
 
@@ -252,7 +254,7 @@ def png_bytes(figure: Figure) -> bytes:
     mark = figure.text(
         0.5, 0.5, words, rotation=20, size=size, color=LIMIT, alpha=0.25, ha="center", va="center"
     )
-    with _DRAWING, rc_context({"savefig.dpi": "figure"}):
+    with _DRAWING, rc_context(_DEFAULTS | {"savefig.dpi": "figure"}):
         figure.savefig(stream, format="png", metadata={"Software": None})
     mark.remove()
     return stream.getvalue()

@@ -133,9 +133,9 @@ def _columns(path: Path) -> Samples | None:
     keys = dict(zip(Samples._fields, columns_of(PowerSample), strict=True))
     kinds = dict.fromkeys(keys.values(), np.float64) | {keys["sequence"]: np.int64, keys["sync"]: np.bool_}
     try:
-        with open_input(path, "a power sample table") as stream:
+        with open_input(path, "a power sample table") as stream, np.errstate(invalid="raise"):
             table = pd.read_csv(stream, dtype=kinds, encoding="utf-8-sig", skip_blank_lines=False)
-    except (ValueError, OSError, OverflowError):  # a parser's error is a ValueError
+    except (ValueError, OSError, ArithmeticError):  # a parser's error is a ValueError
         return None
     # Of two columns with one name, pandas renames the second; a row with a cell too many would make it take
     # the first column for an index.

@@ -210,12 +210,9 @@ def possible_columns(track: BrightnessTrack) -> Iterator[tuple[str, Array, Array
     if display is not None:
         seconds = np.append(np.diff(track.times), 1.0)
         fastest = np.minimum(fastest, MOST_GAPS * abs(steps) * display.peak_luminance / seconds)
-        reflected = display.reflected_luminance
-        yield (
-            "mean_luminance",
-            factors * display.black_level + reflected,
-            factors * display.peak_luminance + reflected,
-        )
+        ends = (display.black_level, display.peak_luminance)
+        low, high = (factors * light + display.reflected_luminance for light in ends)
+        yield "mean_luminance", low, high
     yield "rate", np.where(steps < 0, -fastest, 0.0), np.where(steps > 0, fastest, 0.0)
     if panel is not None:
         most = panel.base_power + factors * panel.light_power[0]

@@ -279,6 +279,7 @@ def with_cell(lines: list[str], row: int, column: str, value: str) -> list[str]:
         ("power.csv", lambda rows: with_cell(rows, 10, "power_w", ""), "line 11: power_w: expected a"),
         ("power.csv", lambda rows: with_cell(rows, 10, "sequence", "1.5"), "line 11: sequence: expected a"),
         ("power.csv", lambda rows: with_cell(rows, 10, "sequence", "-1"), "line 11: sequence must be at"),
+        ("power.csv", lambda rows: with_cell(rows, 10, "sequence", "1e300"), "line 11: sequence: expected a"),
         ("power.csv", lambda rows: with_cell(rows, 10, "device_time_s", "0.0"), "line 11: device_time_s"),
         ("power.csv", lambda rows: [*rows[:9], rows[9] + ",1", *rows[10:]], "line 10: expected 5 cells"),
         ("power.csv", lambda rows: [rows[0].replace("power_w", "watt"), *rows[1:]], "column 'watt'"),

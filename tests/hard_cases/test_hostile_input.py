@@ -220,10 +220,8 @@ def huge_curves(path: Path) -> None:
     np.savez_compressed(path, header=np.array("{}"), loss=np.zeros((1 << 21, 9), np.uint8))
 
 
-def huge_array(path: Path) -> None:
-    with path.open("wb") as stream:
-        header = {"descr": "<f8", "fortran_order": False, "shape": (9000, 9000, 3)}
-        np.lib.format.write_array_header_1_0(stream, header)
+def sparse_array(path: Path) -> None:
+    np.lib.format.open_memmap(path, "w+", shape=(9000, 9000, 3))
 
 
 def huge_texture(path: Path) -> None:
@@ -243,7 +241,7 @@ def huge_meshes(path: Path) -> None:
 PROMISES: dict[str, tuple[Callable[[Path], object], Callable[[Path], object], str]] = {
     "a.json": (lambda path: os.truncate(path, 1 << 40), lambda path: read_text(path, "text"), "bytes"),
     "a.npz": (huge_curves, read_loss_curves, "numbers"),
-    "a.npy": (huge_array, lambda path: list(open_video(str(path.parent)).frames()), "numbers"),
+    "a.npy": (sparse_array, lambda path: list(open_video(str(path.parent)).frames()), "numbers"),
     "a.png": (
         lambda path: path.write_bytes(huge_png()),
         lambda path: list(open_video(str(path.parent)).frames()),
@@ -280,9 +278,6 @@ def test_large_files_are_read_where_that_is_asked_for(tmp_path, monkeypatch, com
     assert scene_from_gltf(read_gltf(tmp_path / "a.glb"))
 
 
-# Words of strangers
-
-
 def test_what_a_terminal_would_obey_is_printed_as_escapes(tmp_path, command) -> None:
     (tmp_path / "a\x1b]0;title\x07\u202egpj.display.toml").write_text("")
     said = command("validate", tmp_path)
@@ -291,9 +286,9 @@ def test_what_a_terminal_would_obey_is_printed_as_escapes(tmp_path, command) -> 
     assert r"b\x1b[2J evenlight: ok" in line
 
 
-@pytest.mark.parametrize("kind", [InputError, InstrumentError])
-def test_a_refusal_is_one_line_whatever_its_values_hold(kind) -> None:
-    assert str(kind("no 'a\nb\x1b[2J\u2028c'")) == r"no 'a b\x1b[2J c'"
+def test_a_refusal_is_one_line_whatever_its_values_hold() -> None:
+    for kind in (InputError, InstrumentError):
+        assert str(kind("no 'a\nb\x1b[2J\u2028c'")) == r"no 'a b\x1b[2J c'"
 
 
 def test_spreadsheets_compute_no_words_of_a_table(tmp_path) -> None:

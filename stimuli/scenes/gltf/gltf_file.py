@@ -7,7 +7,6 @@ import binascii
 import hashlib
 import json
 import struct
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -60,14 +59,13 @@ class GltfFile:
         else:
             data = _bytes_at(self.path, entry["uri"], "image")
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", Image.DecompressionBombWarning)  # we have a limit of our own
-                image = Image.open(BytesIO(data))
+            Image.MAX_IMAGE_PIXELS = None  # we have a limit of our own
+            image = Image.open(BytesIO(data))
             require_size(image.width * image.height, MOST_PIXELS, self.path, "pixels in a texture")
             return image.convert("RGBA")
         except InputError:
             raise
-        except (OSError, SyntaxError, ValueError, Image.DecompressionBombError) as error:
+        except (OSError, SyntaxError, ValueError) as error:
             where = f"image {entry.get('uri', entry.get('name', texture))!s:.60}"
             raise InputError(f"{self.path}: {where} cannot be read ({error}); give a PNG or JPEG") from None
 
