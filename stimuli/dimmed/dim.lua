@@ -95,9 +95,11 @@ local function stop()
     if current then use(nil) end
 end
 
-local function choose()
+local function choose() -- before any packet is read: later, a transport stream would lose its first second
     for _, track in ipairs(mp.get_property_native("track-list")) do
-        if track.type == "video" and track["ff-index"] == STREAM then mp.set_property("vid", track.id) end
+        if STREAM and track.type == "video" and track["ff-index"] == STREAM then
+            mp.set_property("file-local-options/vid", track.id)
+        end
     end
 end
 
@@ -116,7 +118,7 @@ local function begin()
     said = reason
 end
 
-mp.register_event("file-loaded", choose)
+mp.add_hook("on_preloaded", 50, choose)
 mp.register_event("file-loaded", begin)
 mp.register_event("playback-restart", begin)
 mp.register_event("end-file", stop)

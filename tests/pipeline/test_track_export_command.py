@@ -28,6 +28,12 @@ GAMMA = 1.95  # of the display that these tracks are made for, varjo-xr3
 NAMES = {"ffmpeg": "film.ffmpeg", "mpv": "film.lua", "json": "film.exported_track.json"}
 
 
+# What FFmpeg adds to a film: nothing; sound that begins before it and ends after it; a first, smaller video.
+ALONE = "-c copy"
+SOUND = "-f lavfi -i sine=d=9:r=8000 -c:a aac -ac 1 -c:v copy"
+SMALLER = "-f lavfi -i color=s=32x32:r=10:d=6 -map 1 -map 0 -c:v copy -c:v:0 libx264 -disposition:v 0"
+
+
 @pytest.fixture
 def track(tmp_path: Path, make_stimulus: Callable[..., Any]) -> Path:
     """The folder of a track of six seconds, whose factors rise."""
@@ -208,14 +214,20 @@ def test_mpv_dims_the_window_through_seeks_pauses_and_speed_and_refuses_another_
 @pytest.mark.usefixtures("films")
 @pytest.mark.real_time
 @pytest.mark.parametrize(
-    ("name", "sound"), [("late.mp4", 0), ("late.mp4", 9), ("late.mkv", 0), ("late.ts", 9)]
+    ("name", "more"),
+    [
+        ("late.mp4", ALONE),
+        ("late.mp4", SOUND),
+        ("late.mkv", ALONE),
+        ("late.ts", SOUND),
+        ("late.mkv", SMALLER),
+    ],
 )
 def test_mpv_dims_a_film_that_begins_late_by_the_clock_of_its_file(
-    command: Any, track: Path, tmp_path: Path, bare_screen: Callable[..., str], name: str, sound: int
+    command: Any, track: Path, tmp_path: Path, bare_screen: Callable[..., str], name: str, more: str
 ) -> None:
-    """Of an MP4, mpv's 0 is the stamp 0, of other files the first one; sound is longer than the picture."""
-    sine = f"-f lavfi -i sine=d={sound}:r=8000 -c:a aac -ac 1".split() if sound else []
-    call = ["ffmpeg", "-v", "error", "-itsoffset", "0.7", "-i", "film.mp4", *sine, "-c:v", "copy", name]
+    """Of an MP4, mpv's 0 is the stamp 0, of others the first one; of two videos, the larger is the film."""
+    call = ["ffmpeg", "-v", "error", "-itsoffset", "0.7", "-i", "film.mp4", *more.split(), name]
     subprocess.run(call, cwd=tmp_path, check=True)
     header = json.loads((track / "track.json").read_text())
     header["film"] = plain_value(film_reading(open_video(tmp_path / name)))
