@@ -230,8 +230,7 @@ def huge_texture(path: Path) -> None:
     path.write_bytes(scene.content())
 
 
-def huge_meshes(path: Path) -> None:
-    """A thousand meshes that share their points."""
+def huge_meshes(path: Path) -> None:  # a thousand that share their points
     scene = room()
     scene.header["accessors"][0]["count"] = 30_000
     scene.header["meshes"] *= 1000
