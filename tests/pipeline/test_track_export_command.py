@@ -7,7 +7,7 @@ import socket
 import subprocess
 import time
 from collections.abc import Callable
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -98,18 +98,10 @@ class Mpv:
 
     def __init__(self, folder: Path, display: str, *arguments: object) -> None:
         self.folder, self.said = folder, folder / "said.txt"
-        options = [
-            "--no-config",
-            "--gpu-sw",
-            "--vo=gpu",
-            "--ao=null",
-            "--pause",
-            "--keep-open=yes",
-            "--no-osc",
-        ]
+        options = "--no-config --gpu-sw --vo=gpu --ao=null --pause --keep-open=yes --no-osc --osd-level=0"
         with self.said.open("w") as said:  # a pipe that nobody reads would stop it
             self.process = subprocess.Popen(
-                ["mpv", *options, "--osd-level=0", "--input-ipc-server=mpv.socket", *map(str, arguments)],
+                ["mpv", *options.split(), "--input-ipc-server=mpv.socket", *map(str, arguments)],
                 cwd=folder,
                 env=os.environ | {"DISPLAY": display, "TMPDIR": str(folder)},
                 stdout=said,
@@ -144,7 +136,9 @@ class Mpv:
             time.sleep(0.02)
 
     def close(self) -> None:
-        """Close the link."""
+        """End mpv, and the link to it."""
+        self.process.terminate()
+        self.process.wait(timeout=200)
         with suppress(OSError):  # mpv is gone, and what was not sent is of no use
             self.stream.close()
         self.socket.close()
@@ -185,8 +179,7 @@ def test_mpv_dims_the_window_through_seeks_pauses_and_speed_and_refuses_another_
     command: Any, track: Path, tmp_path: Path, bare_screen: Callable[..., str]
 ) -> None:
     assert command("track", "export", track, "--to", "mpv", "--out", tmp_path / "film.lua").code == 0
-    mpv = Mpv(tmp_path, bare_screen(), "--script=film.lua", "film.mp4")
-    try:
+    with closing(Mpv(tmp_path, bare_screen(), "--script=film.lua", "film.mp4")) as mpv:
         mpv.until(lambda: mpv.dims_by(0))
         mpv("seek", 4.5, "absolute+exact")
         mpv.until(lambda: mpv.dims_by(45))
@@ -203,10 +196,6 @@ def test_mpv_dims_the_window_through_seeks_pauses_and_speed_and_refuses_another_
         mpv.until(lambda: np.ptp(mpv.picture()) > 100)  # white letters on the gray picture
         assert mpv("get_property", "glsl-shaders") == []
         assert abs(np.median(mpv.picture()) - GRAY) < 1
-    finally:
-        mpv.process.terminate()
-        mpv.process.wait(timeout=200)
-        mpv.close()
     assert "not dimmed: this video takes 2.0 s, the track 6.0 s" in mpv.said.read_text()
     assert not list(tmp_path.glob("evenlight-*"))
 
@@ -233,15 +222,10 @@ def test_mpv_dims_a_film_that_begins_late_by_the_clock_of_its_file(
     header["film"] = plain_value(film_reading(open_video(tmp_path / name)))
     (track / "track.json").write_text(json.dumps(header))
     assert command("track", "export", track, "--to", "mpv", "--out", tmp_path / "film.lua").code == 0
-    mpv = Mpv(tmp_path, bare_screen(), "--script=film.lua", name)
-    try:
+    with closing(Mpv(tmp_path, bare_screen(), "--script=film.lua", name)) as mpv:
         mpv.until(lambda: mpv.dims_by(0))
         first = mpv("get_property", "time-pos")
         mpv("seek", first + 4.5, "absolute+exact")
         mpv.until(lambda: not mpv("get_property", "seeking") and mpv("get_property", "time-pos") > first)
         mpv.until(lambda: mpv.dims_by(round((mpv("get_property", "time-pos") - first) * RATE)))
-    finally:
-        mpv.process.terminate()
-        mpv.process.wait(timeout=200)
-        mpv.close()
     assert "not dimmed" not in mpv.said.read_text()
