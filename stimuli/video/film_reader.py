@@ -19,6 +19,7 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.input_sizes import MOST_PIXELS
 from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.stimuli.video.film_bytes import slices_intact
 from evenlight.stimuli.video.film_stream import bounded_pictures, film_stream, promised_end
@@ -192,6 +193,8 @@ class FilmReader:
         """Return what is said of damage at a frame."""
         stamps = sorted(stamp for stamp in self._stamps if stamp is not None)
         since = [float((s - stamps[0]) * self._tick) for s in stamps] if self.times is None else self.times
+        if not self.decoder.width:  # FFmpeg keeps no size that is too large
+            why = f"its pictures have no size, or more than {MOST_PIXELS} pixels (`large_ok`)"
         at = f" ({since[min(frame, len(since) - 1)]:.3f} s)" if len(since) else ""
         return InputError(f"{self.path} is damaged at frame {frame}{at}: {why}; {GO_ON}")
 

@@ -14,7 +14,7 @@ from av.error import FFmpegError
 from av.stream import Disposition
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, most_allowed, require_size
+from evenlight.data_schema.storage.input_sizes import MOST_PIXELS, most_allowed
 from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.animated_webp import UNREADABLE, film_of_webp
 from evenlight.stimuli.video.film_bytes import FilmBytes
@@ -105,8 +105,6 @@ def film_stream(path: VideoPath, container: InputContainer, wanted: int | None =
     chosen = max(films, key=rank)
     if chosen.codec_context is None:
         raise InputError(f"{path} holds a video that FFmpeg has no decoder for; {SUPPORTED}")
-    size = chosen.codec_context
-    require_size(size.width * size.height, MOST_PIXELS, path, "pixels a frame")
     return chosen
 
 
