@@ -1,5 +1,5 @@
 # The two commands of the README are `make demo` and `make test`; `make setup` and `make lab` do their installation.
-.PHONY: setup lab demo test test-fast test-docs test-realtime test-videos test-headset studies check format docs benchmarks FORCE
+.PHONY: setup lab demo test test-fast test-docs test-kills test-realtime test-videos test-headset studies check format docs benchmarks FORCE
 
 BIN := .venv/bin
 # Where .venv was set up and works no more (its Python was replaced, the folder moved), all marks are out of date.
@@ -25,16 +25,20 @@ demo: setup
 
 # The tests start a hundred processes: those find modules compiled, also where the environment asks for no cache.
 test: .venv/.test-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "not real_time and not every_page and not study and not odd_films"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m "not real_time and not every_page and not every_kill and not study and not odd_films"
 
 # Six tests of ten, in a minute: after each edit. Without what is slow (tests/conftest.py says what); it needs no
 # `make lab`. A test that is named at the end took long: mark it `slow`.
 test-fast: .venv/.dev-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --durations 10 --durations-min 1 -m "not slow and not real_time and not every_page and not study and not odd_films"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --durations 10 --durations-min 1 -m "not slow and not real_time and not every_page and not every_kill and not study and not odd_films"
 
 # Every command of every page and help; `make test` runs those of the README and of the first hour, and parses all.
 test-docs: .venv/.test-ready
 	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -m every_page
+
+# Every command, killed at each rename, fsync and half write of a small case. `make test` kills each once.
+test-kills: .venv/.test-ready
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --timeout 7200 -m every_kill tests/recovery
 
 # Real time by nature (keys, players, a browser, a headset's runtime, replies by a clock): on a computer that does
 # nothing else.

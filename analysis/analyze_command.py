@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
+from evenlight.option_panels import ForceOption, QuietOption, asked, expert, output, words_and_files
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -41,15 +41,15 @@ def analyze(
         float, expert(help="Search: times that are longer by less than this share count as no slowing.")
     ] = 0.25,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
+    force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Compute the statistics of a data set, with figures and a report: every task that it holds."""
     from evenlight.analysis.dataset_findings import AnalysisOptions
-    from evenlight.analysis.earlier_results import earlier_files, remove_stale
     from evenlight.data_schema.errors import ArgumentError
     from evenlight.data_schema.recordings.dataset_layout import require_apart
     from evenlight.data_schema.recordings.session import TASKS
-    from evenlight.data_schema.storage.whole_files import results_folder
+    from evenlight.data_schema.storage.result_folders import result_folder
 
     for name in task or ():
         if name not in TASKS:
@@ -61,11 +61,9 @@ def analyze(
         slowing=slowing,
         tasks=tuple(dict.fromkeys(task or ())),
     )
-    before = earlier_files(out / SUMMARY)
-    with results_folder(out) as folder:
+    with result_folder(out, "analyze", force=force) as folder:
         found = _analyze_dataset(dataset, options, folder, quiet)
-        written = _write(found, options, folder)
-    remove_stale(out, before, written)
+        _write(found, options, folder)
     for warning in found.warnings:
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
@@ -84,13 +82,13 @@ def _analyze_dataset(dataset: Path, options: AnalysisOptions, folder: Path, quie
         return find_in_dataset(dataset, options, folder, lambda task: progress.step(f"analysing {task}"))
 
 
-def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tuple[str, ...]:
-    """Write the tables and figures of each task, the report and the summary, and return the files' names."""
+def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> None:
+    """Write the tables and figures of each task, the report and the summary."""
     from evenlight.analysis.dataset_findings import dataset_report
-    from evenlight.analysis.earlier_results import files_in
     from evenlight.analysis.report import write_report
     from evenlight.data_schema.analysis_results import AnalysisSummary
     from evenlight.data_schema.provenance import provenance_now
+    from evenlight.data_schema.storage.result_folders import files_in
     from evenlight.data_schema.storage.text_files import write_json_record
 
     origin = provenance_now(seed=options.seed, inputs=found.inputs)
@@ -103,4 +101,3 @@ def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> tu
         any(found.simulated.values()), leads, found.refused, found.warnings, origin, files, found.roll
     )
     write_json_record(folder / SUMMARY, summary)
-    return files

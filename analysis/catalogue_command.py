@@ -10,7 +10,7 @@ import typer
 
 from evenlight.analysis.tracks.track_request import TrackRequest, WantedOfAll
 from evenlight.cluster import LOCAL, cluster_option
-from evenlight.option_panels import QuietOption, output, with_options
+from evenlight.option_panels import ForceOption, QuietOption, output, with_options
 
 FAILED = 1  # exit code where a video failed
 
@@ -31,6 +31,7 @@ class CatalogueOptions:
         output(help="Folder for a folder of results for each video, catalogue.csv, report.html."),
     ]
     cluster: Annotated[str, cluster_option] = LOCAL
+    force: ForceOption = False
     quiet: QuietOption = False
 
 
@@ -42,20 +43,23 @@ def _catalogue(wanted: WantedOfAll, of: CatalogueOptions) -> None:
     """
     from evenlight.analysis.catalogue.catalogue_report import Catalogue
     from evenlight.analysis.catalogue.catalogue_results import run_catalogue
-    from evenlight.analysis.catalogue.entries import REPORT, videos_of
+    from evenlight.analysis.catalogue.entries import REPORT, RESERVED, videos_of
     from evenlight.cluster import opened_cluster
-    from evenlight.data_schema.storage.whole_files import make_folder
+    from evenlight.data_schema.storage.result_folders import growing_folder
     from evenlight.progress import shown_progress
 
     wanted.check()
     every = TrackRequest(**vars(wanted))
     every.posed()  # refuses what would be wrong of all
     videos = videos_of(of.source, every, of.out)
-    with opened_cluster(of.cluster, of.quiet) as workers, shown_progress(of.quiet) as progress:
-        make_folder(of.out)
-        found = Catalogue(tuple(run_catalogue(videos, workers, progress)), of.out)
+    with (
+        opened_cluster(of.cluster, of.quiet) as workers,
+        growing_folder(of.out, "catalogue", RESERVED, force=of.force),
+        shown_progress(of.quiet) as progress,
+    ):
+        found = Catalogue(tuple(run_catalogue(videos, workers, progress, force=of.force)), of.out)
         progress.step("report of the catalogue")
-        found.save(of.out)
+        found.write(of.out)
     if not of.quiet:
         typer.echo(found.first_lines[0])
         typer.echo(f"results in {of.out}; {of.out / REPORT} shows them")

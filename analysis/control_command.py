@@ -32,11 +32,11 @@ def _control(asked: ControlledOptions, on: DimmedOn) -> None:
     Give --target-loss or --budget. The controller sees the frames that were shown, and with --lookahead the
     next few seconds.
     """
-    from evenlight.analysis.earlier_results import track_folder
     from evenlight.analysis.tracks.track_results import run_control
+    from evenlight.data_schema.storage.result_folders import result_folder
 
     job = _job(asked, on)
-    with track_folder(asked.out) as folder:
+    with result_folder(asked.out, "control", force=asked.force) as folder:
         done = run_control(job, folder)
     if not asked.quiet:
         closing = closing_words(job.work.request.rate_limit, job.work.display, asked.out)

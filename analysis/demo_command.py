@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evenlight.data_schema.errors import ArgumentError
-from evenlight.option_panels import QuietOption, expert
+from evenlight.option_panels import ForceOption, QuietOption, expert
 
 DATASET = "dataset"
 
@@ -20,20 +20,19 @@ def demo(
         float, typer.Option(help="Mean brightness factor of the track, 0.2 to 1 (full brightness).")
     ] = 0.4,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
+    force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """See the whole loop, small: simulated calibration, rate limit, a track, a report."""
     from evenlight.analysis.tracks.closed_loop import close_loop
-    from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
+    from evenlight.data_schema.storage.result_folders import result_folder
     from evenlight.experiments.simulate_command import simulate
     from evenlight.stimuli.sequences import built_in_sequence
 
     if not 0.2 <= budget <= 1:
         raise ArgumentError("budget", f"must lie between 0.2 and 1, got {budget:g}")
-    require_sealed(out / DATASET, "demo")
-    with results_folder(out, replacing=(DATASET,)) as folder:
+    with result_folder(out, "demo", force=force) as folder:
         simulate("ramp", folder / DATASET, participants, seed, quiet=True)
-        seal(folder / DATASET)
         sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
         close_loop(folder / DATASET, sunrise, budget, folder, quiet)
     if not quiet:

@@ -11,17 +11,10 @@ import typer
 
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
-from evenlight.option_panels import QuietOption, expert, output, viewing
+from evenlight.option_panels import ForceOption, QuietOption, expert, output, viewing
 from evenlight.progress import shown_progress
 
 curve_option = functools.partial(typer.Option, rich_help_panel="The curve of the rate limit")
-EARLIER = (  # files of earlier versions
-    "rate_limit_safe.json",
-    "rate_limit_log_log.json",
-    "limit_choices.csv",
-    "limit_choices.json",
-    "limit_choices.png",
-)
 choice_option = functools.partial(typer.Option, rich_help_panel="Which answers, if there are several kinds")
 
 
@@ -70,6 +63,7 @@ def fit(
     power_model: Annotated[
         str | None, viewing(help="For measured power: a power model whose prediction is shown beside it.")
     ] = None,
+    force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Turn answers into thresholds and a rate limit, and sweeps into models of a display and its power.
@@ -79,16 +73,14 @@ def fit(
     from evenlight.analysis.calibration.calibration import calibrate
     from evenlight.analysis.calibration.fit_report import write_fit
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
-    from evenlight.analysis.earlier_results import files_in, remove_stale
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
     from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.analysis.sweeps.sweep_loading import newest_sweeps
     from evenlight.analysis.sweeps.sweep_report import write_chosen_sweeps
-    from evenlight.analysis.sweeps.sweep_result import SweepResult
     from evenlight.data_schema.errors import ArgumentError
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.data_schema.recordings.dataset_layout import POWER_LOG, require_apart
-    from evenlight.data_schema.storage.whole_files import results_folder
+    from evenlight.data_schema.storage.result_folders import result_folder
 
     require_apart(out, dataset)
     if (dataset / POWER_LOG).is_file():
@@ -96,7 +88,7 @@ def fit(
         from evenlight.method.preset_files import load_power_model
 
         panel = load_power_model(power_model) if power_model else None
-        said = write_power_results(dataset, out, panel)
+        said = write_power_results(dataset, out, panel, force=force)
         if not quiet:
             typer.echo("\n".join(said))
         return
@@ -116,20 +108,13 @@ def fit(
     if not sweeps or TASK in roll.tasks:
         data = load_ramp_data(dataset, roll)
         roll = data.roll or roll
-    with results_folder(out) as folder, shown_progress(quiet) as progress:
+    with result_folder(out, "fit", force=force) as folder, shown_progress(quiet) as progress:
         results = None
         if data:
             progress.step("fitting thresholds and curve")
             calibration = calibrate(data, options, progress.at)
             results = write_fit(calibration, folder, provenance_now(inputs={"dataset": data.sha256}))
         told, doubts = write_chosen_sweeps(sweeps, folder, needed=data is None)
-        written = files_in(folder)
-    of_sweeps = {Path(name).parts[0] for name in written}
-    remove_stale(
-        out, tuple(f"{task}/{name}" for task in of_sweeps for name in SweepResult.FORMER_FILES), written
-    )
-    if results:  # of an earlier version: they do not belong to this limit
-        remove_stale(out, EARLIER, written)
     warnings = (*(results.warnings if results else ()), *doubts)
     for warning in (*warnings, *roll.warnings):
         print(f"evenlight: warning: {warning}", file=sys.stderr)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from evenlight.method.contrast.measures import MEASURES
-from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
+from evenlight.option_panels import ForceOption, QuietOption, asked, expert, output, words_and_files
 from evenlight.stimuli.dimming_options import (
     DisplayOption,
     FpsOption,
@@ -39,11 +39,13 @@ def judge(
         bool, expert(help="Whether to ask ColorVideoVDP, if installed, how visible the dimming itself is.")
     ] = True,
     no_cache: NoCacheOption = False,
+    force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Judge a track by several measures of what is lost, beside constant dimming at equal power."""
     from evenlight.analysis.judgement.judgement import judge_track
     from evenlight.data_schema.arguments import must_be_one_of, whole
+    from evenlight.data_schema.storage.result_folders import result_folder
     from evenlight.data_schema.tracks.loaded_track import load_track
     from evenlight.method.choices import AnalysisEffort
     from evenlight.stimuli.dimmed.matched_track import display_of
@@ -55,17 +57,18 @@ def judge(
         if name not in MEASURES:
             raise must_be_one_of("measures", name, MEASURES)
     loaded = load_track(track)
-    found = judge_track(
-        open_as_read(video, loaded.track.header.film, fps),
-        display_of(loaded.track, None if display is None else str(display)),
-        loaded,
-        names,
-        modulation=modulation,
-        effort=AnalysisEffort(jobs),
-        cached=not no_cache,
-        quiet=quiet,
-    )
-    found.save(out)
+    with result_folder(out, "judge", force=force) as folder:
+        found = judge_track(
+            open_as_read(video, loaded.track.header.film, fps),
+            display_of(loaded.track, None if display is None else str(display)),
+            loaded,
+            names,
+            modulation=modulation,
+            effort=AnalysisEffort(jobs),
+            cached=not no_cache,
+            quiet=quiet,
+        )
+        found.write(folder)
     if not quiet:
         words = "" if found.judgement.modulation else f"{found.judgement.modulation_note}\n"
         typer.echo(f"{found.summary()}\n{words}equal loss is not yet equal quality: docs/validity.md")

@@ -17,9 +17,9 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     Frames lose more nearly the same share of visible contrast than if all were dimmed alike, and brightness
     never changes faster than the rate limit.
     """
-    from evenlight.analysis.earlier_results import track_folder
     from evenlight.analysis.tracks.track_results import run_optimization
     from evenlight.analysis.tracks.track_words import detection_in_words, gain_in_words, rate_in_words
+    from evenlight.data_schema.storage.result_folders import result_folder
     from evenlight.stimuli.sequences import open_videos
 
     wanted.check()
@@ -31,7 +31,7 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     job = replace(wanted, others=None).job(source, display, request)
     effort = wanted.effort(display, job.model, one.quiet)
     job = replace(job, others=tuple(others), effort=effort, quiet=one.quiet)
-    with track_folder(one.out) as folder:
+    with result_folder(one.out, "optimize", force=one.force) as folder:
         summary = run_optimization(job, folder)
     if not one.quiet:
         frames = f"{summary.frames} frames, mean factor {summary.mean_factor:.4g}; {rate_in_words(summary)}"

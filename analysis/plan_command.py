@@ -16,7 +16,15 @@ from evenlight.analysis.wording import percent, sentence
 from evenlight.cluster import ClusterOption, opened_map
 from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import QuietOption, asked, computation, expert, output, words_and_files
+from evenlight.option_panels import (
+    ForceOption,
+    QuietOption,
+    asked,
+    computation,
+    expert,
+    output,
+    words_and_files,
+)
 from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
@@ -95,6 +103,7 @@ def plan(
         ),
     ] = False,
     cluster: ClusterOption = None,
+    force: ForceOption = False,
     quiet: QuietOption = False,
     **options: Any,
 ) -> None:
@@ -107,7 +116,7 @@ def plan(
     from evenlight.analysis.plans.ramp_plan import plan_ramps
     from evenlight.analysis.plans.viewing_plan import plan_viewing
     from evenlight.data_schema.provenance import require_seed
-    from evenlight.data_schema.storage.whole_files import results_folder
+    from evenlight.data_schema.storage.result_folders import result_folder
 
     require_seed(seed)
     try:
@@ -117,14 +126,14 @@ def plan(
     numbers = whole_numbers(participants or question.participants, "--participants", (2, MOST_PARTICIPANTS))
     runs = question.efforts["quick" if quick else "thorough" if thorough else "default"]
     planned: Callable[..., Plan] = plan_ramps if task == "ramp" else plan_viewing
-    with marked_figures(QUICK_MARK if quick else ""), results_folder(out) as folder:
+    with marked_figures(QUICK_MARK if quick else ""), result_folder(out, "plan", force=force) as folder:
         with _several(task, cluster, quiet) as mapped, shown_progress(quiet) as progress:
 
             def told(function: Callable[..., Any], works: list[Any]) -> Iterator[Any]:
                 return counted(progress, mapped(function, works), "simulating experiments", len(works))
 
             found = planned(question, numbers, runs, seed, told)
-        found.save(folder)
+        found.write(folder)
     if not quiet:
         _print_plan(found, RAMP_COLUMNS if task == "ramp" else VIEWING_COLUMNS, out)
 

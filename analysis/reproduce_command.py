@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from evenlight.cluster import ClusterOption, opened_map
-from evenlight.option_panels import QuietOption, asked, computation, expert, output
+from evenlight.option_panels import ForceOption, QuietOption, asked, computation, expert, output
 from evenlight.progress import shown_progress
 
 REPORT = "report.html"
@@ -29,34 +29,29 @@ def reproduce(
         bool, computation("--quick", help="Small pictures and few frames, to see that it runs.")
     ] = False,
     cluster: ClusterOption = None,
+    force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Make every table and figure of the paper, from simulated or recorded data, beside its own."""
-    from evenlight.analysis.earlier_results import earlier_files, files_in, remove_stale
     from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
     from evenlight.analysis.reproduction.reproduction import PIPELINE, ReproductionPlan, run_pipeline
-    from evenlight.analysis.reproduction.reproduction_report import SUMMARY, reproduction_result
+    from evenlight.analysis.reproduction.reproduction_report import reproduction_result
     from evenlight.data_schema.recordings.dataset_layout import require_apart
-    from evenlight.data_schema.storage.whole_files import require_sealed, results_folder, seal
+    from evenlight.data_schema.storage.result_folders import result_folder
 
     plan = ReproductionPlan(seed=seed, data=data, display=display)
-    require_sealed(out / PIPELINE, "reproduction")
     if data is not None:
         require_apart(out, data)
-    before = earlier_files(out / SUMMARY)
     with (
-        results_folder(out, replacing=(PIPELINE,)) as folder,
+        result_folder(out, "reproduce", force=force) as folder,
         opened_map(cluster, quiet) as mapped,
         shown_progress(quiet) as progress,
         marked_figures(QUICK_MARK if quick else ""),
     ):
         made = run_pipeline(plan.made_quick if quick else plan, folder / PIPELINE, progress.step, mapped)
-        seal(folder / PIPELINE)
         progress.step("the last step, tables and figures")
         result = reproduction_result(made)
         result.write(folder)
-        now = files_in(folder)
-    remove_stale(out, before, now)
     for warning in result.warnings:
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, ClassVar
 
 from matplotlib.figure import Figure
 
-from evenlight.analysis.earlier_results import remove_stale
 from evenlight.analysis.figure_style import png_bytes
 from evenlight.analysis.integrity.concern import Concern
 from evenlight.analysis.report import KeyFigure, Picture, Section
 from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
 from evenlight.data_schema.arguments import must_be_one_of, path
 from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.storage.result_folders import result_folder
 from evenlight.data_schema.storage.tables import write_rows
-from evenlight.data_schema.storage.whole_files import results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -65,7 +65,7 @@ class Result(ABC):
     """
 
     __slots__ = ()
-    FORMER_FILES: ClassVar[tuple[str, ...]] = ()  # of earlier versions: they do not belong to newer files
+    made_by: ClassVar = "analyze"  # whose results its files are
 
     @property
     @abstractmethod
@@ -110,12 +110,23 @@ class Result(ABC):
             raise must_be_one_of("name", name, figures)
         return figures[name]
 
-    def save(self, folder: str | PathLike[str]) -> None:
-        """Write its files into a folder, which is made if need be."""
-        of = path("folder", folder)
-        with results_folder(of) as made:
+    def save(self, folder: str | PathLike[str], *, force: bool = False) -> None:
+        """Write its files into a folder of their own.
+
+        Parameters
+        ----------
+        folder : str or path
+            Which is made, or takes the place of one with an earlier result of the same kind.
+        force : bool, optional
+            Whether to remove anything else that lies in it.
+
+        Raises
+        ------
+        InputError
+            If anything else lies in it, another program writes it, or it cannot be written.
+        """
+        with result_folder(path("folder", folder), self.made_by, force=force) as made:
             self.write(made)
-        remove_stale(of, self.FORMER_FILES, ())
 
     def __repr__(self) -> str:
         return f"<{self.heading}>\n{self.summary()}"

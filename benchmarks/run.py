@@ -13,7 +13,7 @@ from benchmarks.measured import RunSettings, Subject
 from benchmarks.results import measure_all
 from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
 from evenlight.cluster import LOCAL, opened_map
-from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.data_schema.storage.result_folders import result_folder
 from evenlight.progress import shown_progress
 
 
@@ -23,7 +23,14 @@ def subjects(names: Sequence[str]) -> dict[str, Subject]:
 
 
 def run(
-    names: Sequence[str], out: Path, quick: bool, seed: int, quiet: bool, cluster: str | None = None
+    names: Sequence[str],
+    out: Path,
+    quick: bool,
+    seed: int,
+    quiet: bool,
+    cluster: str | None = None,
+    *,
+    force: bool = False,
 ) -> None:
     """Measure subjects, write their files, and say what was found.
 
@@ -41,9 +48,11 @@ def run(
         No progress, no closing lines.
     cluster : str, optional
         Where to measure. On this computer one subject at a time: two would slow each other down.
+    force : bool, optional
+        Whether to remove what else lies in the folder.
     """
     with (
-        results_folder(out) as folder,
+        result_folder(out, "bench", force=force) as folder,
         opened_map(f"{LOCAL}:1" if cluster == LOCAL else cluster, quiet) as mapped,
         shown_progress(quiet) as progress,
         marked_figures(QUICK_MARK if quick else ""),

@@ -13,7 +13,7 @@ import typer
 from evenlight.cluster import ClusterOption
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
-from evenlight.option_panels import QuietOption, expert
+from evenlight.option_panels import ForceOption, QuietOption, expert
 
 CHECKOUT = Path(__file__).resolve().parents[1]
 
@@ -41,6 +41,7 @@ def bench(
     ] = False,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
     cluster: ClusterOption = None,
+    force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
     """Measure how fast and how exact Evenlight is on this computer. It needs a checkout."""
@@ -57,4 +58,4 @@ def bench(
         if not names:
             raise InputError("scale starts workers of its own; leave out --cluster")
     run = importlib.import_module("benchmarks.run")
-    run.run([n.value for n in names], out, quick, seed, quiet, cluster)
+    run.run([n.value for n in names], out, quick, seed, quiet, cluster, force=force)

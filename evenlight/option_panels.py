@@ -27,6 +27,12 @@ expert = partial(typer.Option, hidden=True)  # in docs/requests.md, and a key of
 QuietOption = Annotated[
     bool, typer.Option("--quiet", hidden=True, help="Print no progress and no closing lines.")
 ]
+ForceOption = Annotated[
+    bool,
+    typer.Option(
+        "--force", hidden=True, help="Remove what else lies in the folder of results, where it is refused."
+    ),
+]
 
 Complete = Callable[[str], list[str]]
 PACKAGE = Path(__file__).parent

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from evenlight.data_schema.result_request import ResultRequest
 
 ANY_SIZE = "--large-ok"  # of all commands: how large files may be that they read (docs/security.md)
-NOT_ASKED = ("request", "quiet")  # of no influence on a result
+NOT_ASKED = ("request", "quiet", "force")  # of no influence on a result
 
 
 def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
@@ -42,23 +42,23 @@ def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def noted(context: typer.Context | None = None, request: Path | None = None, **given: Any) -> None:
+        from evenlight.data_schema.storage.result_folders import written_last
         from evenlight.stimuli.video.film_bytes import READ_FILMS
 
         READ_FILMS.clear()
         file = None if request is None else _file_of(request)
         earlier = {} if file is None else _read(file).provenance.inputs
-        before, ended = _inputs_before(name, given), None
-        try:
+        before = _inputs_before(name, given)
+
+        def write(folder: Path) -> None:
+            inputs = {_plain(of): sha256 or _sha256_of_film(of) for of, sha256 in before.items()}
+            write_request(folder, name, given, inputs, [] if context is None else context.command.params)
+            for of, sha256 in earlier.items():
+                if inputs.get(of, sha256) not in ("", sha256):
+                    print(f"evenlight: note: {of} is not as it was when {file} was written", file=sys.stderr)
+
+        with written_last(given["out"], write):
             command(**given)
-        except typer.Exit as error:  # with results, though not all that was asked
-            ended = error
-        inputs = {_plain(of): sha256 or _sha256_of_film(of) for of, sha256 in before.items()}
-        write_request(given["out"], name, given, inputs, [] if context is None else context.command.params)
-        for of, sha256 in earlier.items():
-            if inputs.get(of, sha256) not in ("", sha256):
-                print(f"evenlight: note: {of} is not as it was when {file} was written", file=sys.stderr)
-        if ended is not None:
-            raise ended
 
     declared = signature(command, eval_str=True)
     kinds = kinds_in_file(declared)
@@ -204,7 +204,8 @@ def told_as_given(error: InputError, context: typer.Context) -> str:
     What a message names in backticks is an option on the command line. What it is about is one, too, or a key
     of the file of `--request` if it stands there.
     """
-    options, file = _options_by_key(context.command), context.params.get("request")
+    options = {one.name.strip("_"): one for one in context.command.params if one.name}
+    file = context.params.get("request")
     about = options.get(error.argument) if isinstance(error, ArgumentError) else None
     of_file = about is not None and _is_of_file(about, context)
 
@@ -281,8 +282,8 @@ def write_request(
     for url in (one for value in given.values() for one in _listed(value)):
         if isinstance(url, str) and _plain(url) != url:
             print(
-                f"evenlight: note: {folder / REQUEST} leaves out what may be secret of {_plain(url)}: give "
-                "the whole URL beside --request",
+                f"evenlight: note: {given.get('out', folder) / REQUEST} leaves out what may be secret of "
+                f"{_plain(url)}: give the whole URL beside --request",
                 file=sys.stderr,
             )
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evenlight.analysis.earlier_results import track_folder
 from evenlight.analysis.figure_style import write_png
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result
@@ -18,25 +17,25 @@ from evenlight.analysis.tracks.optimization import optimize_video
 from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.analysis.tracks.track_request import TrackRequest
+from evenlight.analysis.tracks.track_results import CURVES, SUMMARY, TRACK, write_track_files
 from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
 from evenlight.data_schema.arguments import numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     read_track,
+    require_written_with,
     track_columns,
-    write_track,
 )
 from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.data_schema.tracks.loss_curves import (
     LossCurves,
     read_loss_curves,
     require_possible_curves,
-    write_loss_curves,
 )
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.keywords import takes_fields_of
@@ -49,7 +48,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.figure import Figure
 
-TRACK, SUMMARY, CURVES, FIGURE = "track.csv", "summary.json", "loss_curves.npz", "track.png"
+FIGURE = "track.png"
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)
@@ -157,18 +156,13 @@ class Track(Result):
 
     def write(self, folder: Path) -> None:
         """Write `track.csv`, `track.json`, `summary.json`, `loss_curves.npz` and `track.png`."""
-        write_track(folder / TRACK, self.track)
-        write_json_record(folder / SUMMARY, self.outcome)
-        write_loss_curves(folder / CURVES, self.curves)
+        write_track_files(folder, self.track, self.outcome, self.curves)
         write_png(folder / FIGURE, self.figures["track"])
 
-    def save(self, folder: Named) -> None:
-        """Write its files into a folder, which is made if need be; files of an earlier track are replaced.
-
-        Those of other clips are left to them.
-        """
-        with track_folder(path("folder", folder)) as made:
-            self.write(made)
+    @property
+    def made_by(self) -> str:  # type: ignore[override]
+        """Whose results its files are."""
+        return "optimize" if self.outcome.control is None else "control"
 
 
 def load(folder: Named) -> Track:
@@ -184,11 +178,14 @@ def load(folder: Named) -> Track:
         raise InputError(
             f"{of}: no such folder; give one that `Track.save` or `evenlight optimize` has written"
         )
-    return Track(
+    track = Track(
         read_track(of / TRACK),
         read_json_record(OptimizationSummary, of / SUMMARY),
         read_loss_curves(of / CURVES),
     )
+    for name in (SUMMARY, CURVES):
+        require_written_with(track.track.header, of / name)
+    return track
 
 
 @takes_fields_of(TrackRequest)

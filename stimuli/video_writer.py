@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.data_schema.storage.whole_files import written_whole
 from evenlight.stimuli.video.film_stream import FIELD_OF_VIEW
 from evenlight.stimuli.video.video_source import rate_from_number
 
@@ -66,8 +66,8 @@ def write_video(
     written = 0
     with (
         told_by_name(path),
-        results_folder(path.parent) as folder,
-        new_container(folder / path.name) as container,
+        written_whole(path, wait=0.0) as partial,
+        new_container(partial) as container,
     ):
         if field_of_view is not None:
             container.metadata[FIELD_OF_VIEW] = f"{field_of_view:.17g}"

@@ -14,7 +14,6 @@ from matplotlib.figure import Figure
 
 from evenlight.analysis import figure_style as style
 from evenlight.analysis.catalogue.entries import CATALOGUE, FIGURE, REPORT
-from evenlight.analysis.earlier_results import remove_stale
 from evenlight.analysis.player.player_page import PLAYER
 from evenlight.analysis.report import Card, KeyFigure, Picture, Report, Section, Table, write_report
 from evenlight.analysis.report_sections import CLAIM, provenance_section
@@ -26,7 +25,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.tables import write_rows
-from evenlight.data_schema.storage.whole_files import results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.catalogue import CatalogueRow
 
 if TYPE_CHECKING:
@@ -56,7 +55,7 @@ CAPTION = (
 class Catalogue(Result):
     """What came of the videos of a catalogue."""
 
-    FORMER_FILES: ClassVar = ("errors.csv",)
+    made_by: ClassVar = "catalogue"
     rows: tuple[CatalogueRow, ...]  # of each video
     out: Path  # where the folders of the results are: a gallery shows those that are there
 
@@ -109,14 +108,8 @@ class Catalogue(Result):
 
         return pd.DataFrame([mapping_from_record(row) for row in self.rows])
 
-    def save(self, folder: str | os.PathLike[str]) -> None:
-        """Write its files into a folder, which is made if need be; the gallery leads from there to `out`."""
-        with results_folder(Path(folder)) as made:
-            self.write(made, Path(folder))
-        remove_stale(Path(folder), self.FORMER_FILES, ())
-
-    def write(self, folder: Path, place: Path | None = None) -> None:
-        """Write `catalogue.csv`, `catalogue.png`, `report.html`, which then go to `place`."""
+    def write(self, folder: Path) -> None:
+        """Write `catalogue.csv`, `catalogue.png`, `report.html`; its gallery leads from there to `out`."""
         write_rows(folder / CATALOGUE, CatalogueRow, self.rows)
         caption = "Difference of loss between two frames, and power saved, of each video."
         pictures = tuple(Picture(style.png_bytes(figure), caption) for figure in self.figures.values())
@@ -126,7 +119,7 @@ class Catalogue(Result):
         sections = (
             *([_overview(self.made, pictures)] if self.made else []),
             *_failures([row for row in self.rows if row.error]),
-            *_gallery(self.made, self.out, place or folder),
+            *_gallery(self.made, self.out, folder),
             provenance_section({"catalogue": provenance_now()}),
         )
         write_report(folder / REPORT, Report(self.heading, lead, sections, key_figures=key_figures))

@@ -10,18 +10,16 @@ import dataclasses
 import enum
 import hashlib
 import json
-import os
 import shutil
 import time
 from collections import deque
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from evenlight.analysis.catalogue.entries import CURVES, CatalogueVideo
 from evenlight.analysis.catalogue.video_listing import file_state
-from evenlight.analysis.earlier_results import files_in
 from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_results import run_optimization
@@ -32,8 +30,8 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
 from evenlight.data_schema.printed import in_one_line
 from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.storage.result_folders import files_in, result_folder
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
-from evenlight.data_schema.storage.whole_files import whole_folder
 from evenlight.data_schema.tracks.catalogue import CatalogueResult, CatalogueRow, row_of
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.method.optimizer.request import Request
@@ -46,6 +44,7 @@ if TYPE_CHECKING:
     from distributed import Future
 
 LOOK_EVERY = 1.0  # [s] for what is done
+LONGEST_WAIT = 60.0  # [s] for a worker that was given up and writes the same results
 DEFECT = "a defect of Evenlight, or of a package that it uses"
 RESULT, LOSS_CURVES = "catalogue.json", "loss_curves.npz"
 OF_CURVES = ("min_factor", "field_of_view", "actuator", "fps", "damaged", "stream")
@@ -57,7 +56,7 @@ NOT_OF_RESULT = (
 
 
 def run_catalogue(
-    videos: Sequence[CatalogueVideo], workers: Workers, progress: Progress
+    videos: Sequence[CatalogueVideo], workers: Workers, progress: Progress, *, force: bool = False
 ) -> list[CatalogueRow]:
     """Make the results of all videos, and return a row for each; one that fails stops no other.
 
@@ -73,7 +72,7 @@ def run_catalogue(
         while waiting or under_way:
             while waiting and len(under_way) < AHEAD * workers.places():
                 number = waiting.popleft()
-                under_way[workers.submit(_made, videos[number])] = number
+                under_way[workers.submit(_made, videos[number], force)] = number
             for future in workers.done_of(under_way, LOOK_EVERY):
                 number = under_way.pop(future)
                 rows[number], anew = _outcome(future, videos[number])
@@ -110,7 +109,7 @@ def _in_words(row: CatalogueRow) -> str:
     return f"{name}: {row.frames} frames, {gain}"
 
 
-def _made(video: CatalogueVideo) -> tuple[CatalogueRow, bool]:
+def _made(video: CatalogueVideo, force: bool) -> tuple[CatalogueRow, bool]:
     """Return the row of a video, and whether its results were made now; else they were there, as wanted.
 
     They are made in a folder that appears whole. A file that is as it was is not read to see that.
@@ -130,12 +129,14 @@ def _made(video: CatalogueVideo) -> tuple[CatalogueRow, bool]:
         sha256 = source.sha256()
     key, curves_key = _keys_of(asked, posed, sha256)
     if known is not None and known.key == key:
-        write_json_record(video.folder / RESULT, replace(known, video_state=state))
+        with result_folder(video.folder, "catalogue", force=force, wait=LONGEST_WAIT) as fresh:
+            shutil.copytree(video.folder, fresh, dirs_exist_ok=True)
+            write_json_record(fresh / RESULT, replace(known, video_state=state))
         return replace(known.row, name=video.name, video=video.shown), False
     job = replace(asked.job(source, *posed), quiet=True)
     if job.curves is None and known is not None and known.curves_key == curves_key:
         job = replace(job, curves=video.folder / LOSS_CURVES)
-    with whole_folder(video.folder) as fresh:
+    with result_folder(video.folder, "catalogue", force=force, wait=LONGEST_WAIT) as fresh:
         summary = run_optimization(job, fresh)
         of = {"video": video.video, "out": video.folder}
         if not video.video.endswith(CURVES):
@@ -143,7 +144,6 @@ def _made(video: CatalogueVideo) -> tuple[CatalogueRow, bool]:
         row = row_of(video.name, video.shown, summary, time.time() - begun)
         result = CatalogueResult(key, curves_key, sha256, row, state, files_in(fresh))
         write_json_record(fresh / RESULT, result)
-        _keep_others(video.folder, fresh, () if known is None else known.files)
     return row, True
 
 
@@ -197,14 +197,3 @@ def _known(folder: Path) -> CatalogueResult | None:
     except InputError:
         return None
     return known if all((folder / name).is_file() for name in known.files) else None
-
-
-def _keep_others(folder: Path, fresh: Path, ours: Collection[str]) -> None:
-    """Take over files of others that lie in a folder of results, such as a film that was dimmed by them."""
-    for name in {*files_in(folder)} - {*ours} - {*files_in(fresh)}:
-        target = fresh / name
-        target.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            os.link(folder / name, target)
-        except OSError:
-            shutil.copy2(folder / name, target)

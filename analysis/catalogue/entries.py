@@ -16,6 +16,7 @@ from evenlight.analysis.tracks.track_request import TrackRequest, WantedOfAll
 from evenlight.data_schema.arguments import positive
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import typed
+from evenlight.data_schema.result_request import REQUEST
 from evenlight.data_schema.storage.tables import csv_rows, plain_cell
 from evenlight.stimuli.sequences import is_sequence
 from evenlight.stimuli.video.video_locations import is_url, shown_name
@@ -27,7 +28,7 @@ PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
 FORMER = {"field_of_view_deg": "field_of_view"}  # columns of tables for earlier versions
 # The columns of a table: fields of a request, beside video and folder; what is new there needs no word here.
 COLUMNS = ("path", "name", *(field.name for field in fields(WantedOfAll)), *OWN_FILES, *FORMER)
-RESERVED = (CATALOGUE, FIGURE, REPORT)  # beside the folders of results
+RESERVED = (CATALOGUE, FIGURE, REPORT, REQUEST)  # beside the folders of results
 
 
 @dataclass(frozen=True, slots=True)

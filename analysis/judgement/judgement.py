@@ -156,7 +156,7 @@ class JudgedTrack(Result):
         All numbers.
     """
 
-    FORMER_FILES: ClassVar = ("judgement.csv", "agreement.csv")
+    made_by: ClassVar = "judge"
     judgement: Judgement
 
     @property

@@ -41,7 +41,9 @@ FAR_OFF = 0.1  # of what a power model predicts
 KNOWN = 0.01  # to which a frame's energy should be known
 
 
-def write_power_results(folder: Path, out: Path, power_model: PowerModel | None = None) -> list[str]:
+def write_power_results(
+    folder: Path, out: Path, power_model: PowerModel | None = None, *, force: bool = False
+) -> list[str]:
     """Write table, energies, figure and report of a played video's power, and return lines that sum it up.
 
     Parameters
@@ -50,6 +52,8 @@ def write_power_results(folder: Path, out: Path, power_model: PowerModel | None 
         The recording, as `evenlight measure played` writes it, and where to; it may be the same.
     power_model : PowerModel, optional
         Whose prediction is shown beside what was measured.
+    force : bool, optional
+        As of `Result.save`.
 
     Raises
     ------
@@ -57,7 +61,10 @@ def write_power_results(folder: Path, out: Path, power_model: PowerModel | None 
         If the recording cannot be used; it names the file and what is wrong.
     """
     measured = measure_power(load_recording(folder), power_model)
-    measured.save(out)
+    if out == folder:
+        measured.write(out)
+    else:
+        measured.save(out, force=force)
     return [*measured.lines, f"power of the video: {out / REPORT}"]
 
 

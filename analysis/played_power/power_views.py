@@ -64,7 +64,7 @@ class MeasuredPower(Result):
         Passes, versions and clock; and the frames.
     """
 
-    FORMER_FILES: ClassVar = ("power_table.csv",)
+    made_by: ClassVar = "fit"
     power: PlayedPower
     energies: Sequence[FrameEnergy]
 

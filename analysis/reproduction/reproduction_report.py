@@ -11,7 +11,6 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from evenlight.analysis.dataset_findings import ANALYSES, to_be_looked_at
-from evenlight.analysis.earlier_results import files_in
 from evenlight.analysis.integrity.concern import cautious
 from evenlight.analysis.report import KeyFigure, Report, Section, write_report
 from evenlight.analysis.report_prose import prose, section
@@ -35,6 +34,7 @@ from evenlight.analysis.results import Analysis, Result, write_drawing
 from evenlight.data_schema.analysis_results import AnalysisSummary, Origin
 from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
 from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.storage.result_folders import files_in
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.contrast.curve_lookup import loss_and_slope
@@ -264,6 +264,6 @@ def _files(parts: Sequence[Analysis]) -> dict[str, str]:
         for drawing in part.drawings:
             files[f"figures/{drawing.name}.png, {drawing.name}_points.csv"] = drawing.caption
     files[f"{PIPELINE}/"] = "data sets, calibration, tracks and loss curves that all of it is made of"
-    files[f"{PIPELINE}.sha256"] = "what a later run knows that folder by; only such a folder is replaced"
+    files["SHA256SUMS"] = "of every file: what a later run knows this folder by, and replaces"
     files[SUMMARY] = "software, seed, inputs, warnings, files"
     return files

@@ -41,7 +41,10 @@ def fit_sweep(folder: Path, out: Path) -> list[str]:
         If the sweep cannot be used; nothing is written then.
     """
     result = analyse_sweep(folder)
-    result.save(out)
+    if out == folder:
+        result.write(out)
+    else:
+        result.save(out)
     for warning in result.warnings:
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     return [*result.lines, f"{out / REPORT} has the details"]
@@ -77,7 +80,7 @@ def write_chosen_sweeps(
             unusable.append(error)
             warnings.append(f"{task} was not fitted: {error}")
             continue
-        result.save(out / task)
+        result.write(out / task)
         unfitted = f"; not fitted: {', '.join(others)}" if others else ""
         lines += [f"{task}: {folder.name}{unfitted}", *result.lines]
         warnings += [f"{folder.name}: {warning}" for warning in result.warnings]

@@ -85,7 +85,7 @@ class SweepResult(Result):
         What else is to be said, and shown.
     """
 
-    FORMER_FILES: ClassVar = ("luminance_levels.csv", "power_levels.csv")
+    made_by: ClassVar = "fit"
     sweep: Sweep[Any]
     model: Display | PowerModel
     record: DisplayFit | PowerFit

@@ -48,7 +48,7 @@ BUDGETS = {
 }
 FILES = {
     "dataset/": "trials of every participant, as recorded",
-    "dataset.sha256": "what a later demo knows this one's data set by; only such a data set is replaced",
+    "SHA256SUMS": "of every file: what a later demo knows this one by, and replaces",
     "calibration/thresholds.csv": "thresholds of each participant and level, with intervals",
     "calibration/rate_limit.json": "the fitted rate limit, which the optimizer read",
     "calibration/fit_summary.json": "what the fit rests on",

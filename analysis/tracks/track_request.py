@@ -26,7 +26,7 @@ from evenlight.method.choices import (
     SolverName,
 )
 from evenlight.method.contrast.measures import MEASURES, ROBUST, measures_named
-from evenlight.option_panels import QuietOption, asked, expert, output
+from evenlight.option_panels import ForceOption, QuietOption, asked, expert, output
 from evenlight.stimuli.dimming_options import (
     File,
     JobsOption,
@@ -284,6 +284,7 @@ class OneVideo:
 
     video: VideoArgument
     out: Annotated[Path, output(help="Folder for track.csv, summary.json, track.png, player.html and more.")]
+    force: ForceOption = False
     quiet: QuietOption = False
 
     def __post_init__(self) -> None:

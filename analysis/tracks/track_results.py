@@ -25,11 +25,22 @@ from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.brightness_track import write_track
+from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, write_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.progress import shown_progress
+
+TRACK, SUMMARY, CURVES = "track.csv", "summary.json", "loss_curves.npz"
+
+
+def write_track_files(
+    folder: Path, track: BrightnessTrack, summary: OptimizationSummary, curves: LossCurves
+) -> None:
+    """Write a track with what belongs to it: `track.csv`, `summary.json`, `loss_curves.npz`, `track.json`."""
+    write_loss_curves(folder / CURVES, curves)
+    write_json_record(folder / SUMMARY, summary)
+    write_track(folder / TRACK, track, beside=(CURVES, SUMMARY))
 
 
 def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
@@ -39,14 +50,13 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
     """
     recorders = _recorders(job)
     summary, clips = optimize_video(job, [recorder.watch for recorder in recorders])
-    write_json_record(folder / "summary.json", summary)
     several = len(clips) > 1
+    if several:
+        write_json_record(folder / SUMMARY, summary)
     for number, ((curves, data), recorder) in enumerate(zip_longest(clips, recorders), start=1):
         path = folder / clip_folder(number, curves.video) if several else folder
-        path.mkdir(exist_ok=True)
+        path.mkdir(parents=True, exist_ok=True)
         _write_track(curves, data, job, path, recorder)
-        if several:
-            write_json_record(path / "summary.json", data.summary)
     return summary
 
 
@@ -63,7 +73,6 @@ def run_control(asked: ControlJob, folder: Path) -> tuple[OptimizationSummary, f
     with shown_progress(job.quiet) as progress:
         progress.step(f"controlling {curves.video}")
         drawn, ratio, warnings = control_video(curves, asked, samples, curves_s)
-    write_json_record(folder / "summary.json", drawn.summary)
     _write_track(curves, drawn, job, folder, recorder)
     return drawn.summary, ratio, warnings
 
@@ -76,8 +85,7 @@ def _recorders(job: OptimizationJob) -> list[PictureRecorder]:
 def _write_track(
     curves: LossCurves, data: DrawnTrack, job: OptimizationJob, folder: Path, recorder: PictureRecorder | None
 ) -> None:
-    write_loss_curves(folder / "loss_curves.npz", curves)
-    write_track(folder / "track.csv", data.track)
+    write_track_files(folder, data.track, data.summary, curves)
     with shown_progress(job.quiet) as progress:
         progress.step(f"drawing {curves.video}")
         _draw(data, curves.display, job.model, folder)

@@ -39,9 +39,10 @@ from evenlight.data_schema.recordings.dataset_writing import MISSING
 from evenlight.data_schema.recordings.roll_call import call_roll, leads_out
 from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.storage.input_files import open_input
+from evenlight.data_schema.storage.result_folders import new_folder
 from evenlight.data_schema.storage.tables import cell_words, csv_text
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json
-from evenlight.data_schema.storage.whole_files import is_partial, results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import write_whole
 
 
 def shared_table(path: Path) -> list[list[str]]:
@@ -77,6 +78,7 @@ def shared_descriptions(path: Path) -> dict[str, Any]:
 
 
 IGNORED = ".bidsignore"
+THERE = "{}: is there already; give a new folder"
 README = "README"
 # All that Evenlight or BIDS reads in a data set; what else lies there stays there.
 EXPORTED = (
@@ -112,7 +114,7 @@ def export_bids(dataset: Path, folder: Path) -> int:
     files = exported_files(dataset, folder)
     ignored = dataset / IGNORED
     lines = read_text(ignored, "what BIDS is to ignore").split("\n") if ignored in files else []
-    with results_folder(folder) as staging:
+    with new_folder(folder, THERE.format(folder)) as staging:
         copy_files(files, dataset, staging)
         patterns = dict.fromkeys((*filter(None, lines), *NOT_OF_BIDS))
         write_whole(staging / IGNORED, "".join(f"{pattern}\n" for pattern in patterns))
@@ -137,8 +139,8 @@ def exported_files(dataset: Path, folder: Path) -> list[Path]:
             f"{dataset}: no table to export (sub-*/ses-*/{BEHAVIOUR_FOLDER}/*_beh.tsv); "
             "an interrupted session gets its table when it is resumed or complete"
         )
-    if folder.exists() and (not folder.is_dir() or any(not is_partial(path) for path in folder.iterdir())):
-        raise InputError(f"{folder}: is there already; give a new folder")
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise InputError(THERE.format(folder))
     require_apart(folder, dataset)
     for path in files:
         if leads_out(path, dataset):
@@ -222,7 +224,7 @@ def export_psych_ds(dataset: Path, folder: Path) -> int:
     description = read_json(dataset / DESCRIPTION, "the description of a data set")
     others = {dataset / name for name in (DESCRIPTION, README, IGNORED)}
     variables: dict[str, dict[str, Any]] = {}
-    with results_folder(folder) as staging:
+    with new_folder(folder, THERE.format(folder)) as staging:
         copy_files([path for path in files if path not in others], dataset, staging)
         for name, table in tables.items():
             header, *rows = shared_table(table)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import enum
+import json
 import re
 import typing
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
-
-from filelock import FileLock, Timeout
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import mapping_from_record
@@ -30,9 +29,10 @@ from evenlight.data_schema.recordings.dataset_layout import (
 )
 from evenlight.data_schema.recordings.session import SessionManifest
 from evenlight.data_schema.storage.append_log import record_line
+from evenlight.data_schema.storage.result_folders import new_folder
 from evenlight.data_schema.storage.tables import safe_cell
 from evenlight.data_schema.storage.text_files import read_json, read_text, write_json, write_json_record
-from evenlight.data_schema.storage.whole_files import make_folder, results_folder, write_whole
+from evenlight.data_schema.storage.whole_files import LOCKED, PARTIAL, held_lock, make_folder, write_whole
 
 BIDS_VERSION = "1.10.0"
 MISSING = "n/a"  # BIDS: how a table says that there is no value
@@ -67,12 +67,8 @@ def new_dataset(dataset: Path) -> Iterator[Path]:
         If there is something at that place already: data are never overwritten.
     """
     there = f"{dataset}: is there already and data are never overwritten; give a new folder as `out`"
-    if dataset.exists() and not dataset.is_dir():
-        raise InputError(there)
-    with results_folder(dataset) as staging:  # which clears what a killed run left
-        if any(path != staging for path in dataset.iterdir()):
-            raise InputError(there)
-        yield staging
+    with new_folder(dataset, there) as fresh:
+        yield fresh
 
 
 def enrol(dataset: Path, participant_id: str, simulated: bool, provenance: Provenance) -> int:
@@ -121,16 +117,19 @@ def require_dataset(dataset: Path, simulated: bool, provenance: Provenance) -> N
 
 @contextmanager
 def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterator[None]:
-    make_folder(dataset)
+    make_folder(dataset, 0o700)  # what people answered is for its owner to share
     busy = f"{dataset}: another program has been writing it for {LONGEST_WAIT:g} s; try again when it ends"
     lock = held_lock(dataset / DATASET_LOCK, busy, LONGEST_WAIT)
     try:
         if not (dataset / DESCRIPTION).exists():
-            if any(path.name != DATASET_LOCK for path in dataset.iterdir()):
+            begun = (DATASET_LOCK, PARTIAL.format(DESCRIPTION), LOCKED.format(DESCRIPTION))
+            if any(path.name not in begun for path in dataset.iterdir()):
                 raise InputError(
                     f"{dataset}: holds other things than a data set; give a new or empty folder as `out`"
                 )
-            write_description(dataset, "Evenlight sessions", simulated, provenance)
+        write_description(dataset, "Evenlight sessions", simulated, provenance)
+        if (dataset / PARTICIPANTS).exists():
+            _describe_participants(dataset)
         _refuse_other_kind(dataset, simulated)
         yield
     finally:
@@ -186,10 +185,13 @@ def _participant_table(dataset: Path) -> tuple[list[str], list[list[str]]]:
 
 def _write_participant_table(dataset: Path, header: list[str], rows: list[list[str]]) -> None:
     """Write the list of participants, and what its columns mean where nothing says it yet."""
-    path = dataset / PARTICIPANTS
-    write_whole(path, _tsv(header, rows))
-    if not path.with_suffix(".json").exists():
-        write_json(path.with_suffix(".json"), PARTICIPANT_COLUMNS)
+    write_whole(dataset / PARTICIPANTS, _tsv(header, rows))
+    _describe_participants(dataset)
+
+
+def _describe_participants(dataset: Path) -> None:
+    text = f"{json.dumps(PARTICIPANT_COLUMNS, indent=2)}\n"
+    _write_missing((dataset / PARTICIPANTS).with_suffix(".json"), text)
 
 
 def write_description(
@@ -197,22 +199,26 @@ def write_description(
 ) -> None:
     """Write `dataset_description.json`: what the data set is, and whether anybody took part in it.
 
-    The README says the same in words, with the `origin` of the sessions.
+    The README says the same in words, with the `origin` of the sessions. What is there stays.
     """
-    write_json(
-        dataset / DESCRIPTION,
-        {
-            "Name": f"{name} (simulated: no person took part)" if simulated else name,
-            "BIDSVersion": BIDS_VERSION,
-            "DatasetType": "raw",
-            "Simulated": simulated,
-            "GeneratedBy": [{"Name": "Evenlight", "Version": provenance.software_version}],
-            "provenance": mapping_from_record(provenance),
-        },
-    )
+    description = {
+        "Name": f"{name} (simulated: no person took part)" if simulated else name,
+        "BIDSVersion": BIDS_VERSION,
+        "DatasetType": "raw",
+        "Simulated": simulated,
+        "GeneratedBy": [{"Name": "Evenlight", "Version": provenance.software_version}],
+        "provenance": mapping_from_record(provenance),
+    }
     kind = "SIMULATED: no person took part" if simulated else "people"
-    write_whole(dataset / "README", README.format(kind=kind, origin=origin))
-    write_whole(dataset / ".bidsignore", "".join(f"{name}\n" for name in NOT_OF_BIDS))
+    _write_missing(dataset / DESCRIPTION, f"{json.dumps(description, indent=2, ensure_ascii=False)}\n")
+    _write_missing(dataset / "README", README.format(kind=kind, origin=origin))
+    _write_missing(dataset / ".bidsignore", "".join(f"{name}\n" for name in NOT_OF_BIDS))
+
+
+def _write_missing(path: Path, text: str) -> None:
+    """Write a file that is not there: what killed a session may have come between it and the one before."""
+    if not path.exists():
+        write_whole(path, text)
 
 
 def write_participants(dataset: Path, participant_ids: Iterable[str], simulated: bool) -> None:
@@ -268,33 +274,3 @@ def _cell(value: object) -> str:
     if value is None:
         return MISSING
     return str(value).lower() if isinstance(value, bool) else str(value)
-
-
-def held_lock(path: Path, busy: str, longest_wait: float = 0.0) -> FileLock:
-    """Return a lock, held until its `release`; the system releases that of a killed program.
-
-    Parameters
-    ----------
-    path : Path
-        Its file.
-    busy : str
-        What is said if another program holds it all the time.
-    longest_wait : float, optional
-        How long to wait for it [s].
-
-    Raises
-    ------
-    InputError
-        If another program holds it, or its file cannot be written: in a folder of someone else, say.
-    """
-    lock = FileLock(path)
-    try:
-        lock.acquire(timeout=longest_wait)
-    except Timeout:
-        raise InputError(busy) from None
-    except (OSError, NotImplementedError) as error:  # the latter of a file system without locks
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(
-            f"cannot write to the folder {path.parent}: {reason}; choose another as `out`"
-        ) from error
-    return lock

@@ -30,7 +30,7 @@ class AppendLog:
     def __init__(self, path: Path) -> None:
         self.path = path
         try:
-            self._handle = os.open(path, _APPENDING, 0o644)
+            self._handle = os.open(path, _APPENDING, 0o666)
         except OSError as error:
             raise InputError(f"cannot write {path}: {error.strerror or error}") from error
         sync_folder(path.parent)
@@ -129,7 +129,7 @@ class AppendedRows(AbstractContextManager["AppendedRows"]):
     def __init__(self, path: Path, cls: type[Any]) -> None:
         self._path = path
         try:
-            self._handle: int | None = os.open(path, _APPENDING | os.O_EXCL, 0o644)
+            self._handle: int | None = os.open(path, _APPENDING | os.O_EXCL, 0o666)
         except FileExistsError:
             raise InputError(
                 f"{path}: is there already, and measured data are never overwritten; name another file"

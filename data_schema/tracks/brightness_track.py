@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import enum
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import pairwise
 from pathlib import Path
@@ -17,7 +17,7 @@ from evenlight.data_schema.display import COARSEST, FINEST, HIGHEST_LUMINANCE, D
 from evenlight.data_schema.errors import InputError, told_of_file
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.power_model import PanelKind, PowerModel
-from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.provenance import Provenance, sha256_of_bytes, sha256_of_file
 from evenlight.data_schema.quantities import (
     Array,
     array_shapes,
@@ -101,6 +101,10 @@ class TrackHeader:
     film: FilmReading | None = described(
         "how the video's file was read; null where only loss curves were, and in older tracks", default=None
     )
+    files: dict[str, str] = described(
+        "SHA-256 of the table, and of files beside it that belong to it; empty in tracks of earlier versions",
+        factory=dict,
+    )
 
 
 @record
@@ -149,16 +153,34 @@ def track_columns(track: BrightnessTrack) -> dict[str, Any]:
     return dict(zip(TRACK_COLUMNS, [range(len(track.times)), *arrays], strict=True))
 
 
-def write_track(path: Path, track: BrightnessTrack) -> None:
-    """Write a track as a csv table, and its header as a json file of the same name beside it."""
+def write_track(path: Path, track: BrightnessTrack, beside: Sequence[str] = ()) -> None:
+    """Write a track as a csv table, and its header as a json file of the same name beside it.
+
+    Parameters
+    ----------
+    path, track : Path, BrightnessTrack
+        The table, and the track.
+    beside : sequence of str
+        Files of the same folder that belong to it, and are there: the header has their SHA-256, too.
+    """
     columns = [column.tolist() for column in list(track_columns(track).values())[1:]]
     rows = ([i, *cells] for i, cells in enumerate(zip(*columns, strict=True)))
-    write_json(path.with_suffix(".json"), mapping_from_record(track.header))
-    write_whole(path, csv_text(TRACK_COLUMNS, rows))
+    table = csv_text(TRACK_COLUMNS, rows)
+    write_whole(path, table)
+    files = {path.name: sha256_of_bytes(table.encode())}
+    files |= {name: sha256_of_file(path.with_name(name)) for name in beside}
+    header = dataclasses.replace(track.header, files=files)
+    write_json(path.with_suffix(".json"), mapping_from_record(header))
 
 
 def read_track(path: Path) -> BrightnessTrack:
-    """Return the track of a csv table and its json header; raise `InputError` if either is unusable."""
+    """Return the track of a csv table and its json header.
+
+    Raises
+    ------
+    InputError
+        If either is unusable, or they were not written together.
+    """
     for file in (path, path.with_suffix(".json")):
         with suppress(PermissionError):  # reading the file says so
             if not file.exists():
@@ -192,7 +214,18 @@ def read_track(path: Path) -> BrightnessTrack:
                 f"{path}, line {lines[k]}: {column} of frame {k} contradicts the factors: at "
                 f"{track.factors[k]:g} expected {reach}, got {got[k]:.6g}; make the track again"
             )
+    require_written_with(header, path)
     return track
+
+
+def require_written_with(header: TrackHeader, path: Path) -> None:
+    """Raise `InputError` if a file is not the one that a track's header was written with."""
+    known = header.files.get(path.name)
+    if known is not None and known != sha256_of_file(path):
+        raise InputError(
+            f"{path}: is not the file that track.json beside it was written with: of another result, or "
+            "changed since; make the track again, or take `files` out of track.json if the change is your own"
+        )
 
 
 def possible_columns(track: BrightnessTrack) -> Iterator[tuple[str, Array, Array]]:

@@ -16,7 +16,7 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.method.choices import Device
-from evenlight.option_panels import QuietOption, asked, expert, output, viewing
+from evenlight.option_panels import ForceOption, QuietOption, asked, expert, output, viewing
 from evenlight.stimuli.dimming_options import (
     AimOptions,
     Member,
@@ -179,6 +179,7 @@ class WalkOptions(ScreenOptions):
         ),
     ] = None
     out: Annotated[Path | None, output(help="Folder for how the walk was dimmed: tables.")] = None
+    force: ForceOption = False
     record: Annotated[
         Path | None, expert(help="File (.json) for the way walked: a path for `evenlight render`.")
     ] = None

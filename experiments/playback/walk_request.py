@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.data_schema.storage.result_folders import result_folder
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer
 from evenlight.experiments.playback.headset_walk import HeadsetWalk
@@ -117,7 +117,7 @@ def walk_as_asked(walk: WalkOptions, live: LiveOptions) -> str:
     device = Device(live.device)
     if walk.out is None:
         return _ended(walk, _walked(walk, rig, display, dimming, device))
-    with results_folder(walk.out) as folder:
+    with result_folder(walk.out, "walk", force=walk.force) as folder:
         outcome = _walked(walk, rig, display, dimming, device)
         if outcome.ended_by is not None and not outcome.rows:
             raise outcome.ended_by

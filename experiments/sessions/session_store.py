@@ -26,7 +26,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     TRIALS,
     session_folder,
 )
-from evenlight.data_schema.recordings.dataset_writing import export_behaviour, held_lock
+from evenlight.data_schema.recordings.dataset_writing import export_behaviour
 from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.session import (
     TASKS,
@@ -42,6 +42,7 @@ from evenlight.data_schema.storage.text_files import (
     read_text,
     write_json_record,
 )
+from evenlight.data_schema.storage.whole_files import held_lock
 from evenlight.experiments.calibration_age import utc_now
 from evenlight.experiments.stage import SentTrigger
 
@@ -222,10 +223,10 @@ class SessionStore(TimedLogs):
         write_json_record(self.folder / MANIFEST, self.manifest)
 
     def finish(self, status: SessionStatus) -> None:
-        """Note how far the session got, and export its trials as a table."""
+        """Export the trials as a table, and note last how far the session got: until then it is resumed."""
+        export_behaviour(self.dataset, self.manifest, self.trials)
         self.manifest = dataclasses.replace(self.manifest, status=status)
         write_json_record(self.folder / MANIFEST, self.manifest)
-        export_behaviour(self.dataset, self.manifest, self.trials)
 
     def attempt_at(self, trial_index: int) -> int:
         """Return which attempt at a trial comes next: one more than were begun."""

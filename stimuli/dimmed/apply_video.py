@@ -16,7 +16,7 @@ from av.error import FFmpegError
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import ArgumentError, InputError
-from evenlight.data_schema.storage.whole_files import results_folder
+from evenlight.data_schema.storage.whole_files import written_whole
 from evenlight.stimuli.dimmed.apply_options import AppliedVersion, DimmedFile, DimmedVersion
 from evenlight.stimuli.dimmed.dimmed_pictures import (
     DimmedPixels,
@@ -90,8 +90,8 @@ def apply_track(
         pictures = dimmed_pictures(video, stream, encoder, one_beside_other=len(scales) > 1)
         stamps = _frame_stamps(video, np.asarray(track.times), copied)
         stack.enter_context(told_by_name(file.path))
-        folder = stack.enter_context(results_folder(file.path.parent))
-        container = stack.enter_context(new_container(folder / file.path.name))
+        partial = stack.enter_context(written_whole(file.path, wait=0.0))
+        container = stack.enter_context(new_container(partial))
         target = _stream(container, pictures.kind, encoder, len(scales), stamps)
         left_out = [] if copied is None else copied.begin(container, file.path)
         if len(scales) == 1 and (seen := field_of_view_of(video)) is not None:

@@ -31,6 +31,7 @@ from evenlight.data_schema.recordings.sweep_fit import (
     PowerFit,
     SweepFlag,
 )
+from evenlight.data_schema.storage.result_folders import SUMS
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
 from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, simulate_viewing
 from evenlight.hardware.simulated.panel import PanelPhysics
@@ -347,15 +348,10 @@ def test_fit_takes_a_data_set_that_holds_sweeps_only(
         dataset / "sweeps" / "luminance-sweep_02", session_id="02", started="2026-03-05T09:00:00Z"
     )
     write_sweep(dataset / "sweeps" / "power-sweep_01", POWER, readings_of_power())
-    former = [out / "luminance-sweep/luminance_levels.csv", out / "power-sweep/power_levels.csv"]
-    for path in former:  # of an earlier version
-        path.parent.mkdir(parents=True)
-        path.touch()
     fit(dataset, out=out)
-    assert not any(path.exists() for path in former)
     page = (out / "power-sweep" / "report.html").read_text()
     assert page.count("P of the line [W]") == 1
-    assert sorted(path.name for path in out.iterdir()) == ["luminance-sweep", "power-sweep"]
+    assert sorted(path.name for path in out.iterdir()) == [SUMS, "luminance-sweep", "power-sweep"]
     found = read_json_record(DisplayFit, out / "luminance-sweep" / "display_fit.json")
     assert found.session_id == "02"
     printed = capsys.readouterr().out

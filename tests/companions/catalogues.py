@@ -14,10 +14,8 @@ from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.tracks.catalogue import CatalogueRow
 
 TIMES = ("solve_s", "curves_s", "bound_s")  # of summary.json: what differs from run to run
-OF_CATALOGUE = (
-    "catalogue.json",
-    "request.toml",
-)  # beside what `optimize` writes; its request names another folder
+# Beside what `optimize` writes; its request names another folder, and sums are of files with times, too.
+OF_CATALOGUE = ("catalogue.json", "request.toml", "SHA256SUMS")
 
 
 @contextmanager
@@ -48,6 +46,8 @@ def contents(folder: Path) -> dict[str, Any]:
     for path in sorted(folder.iterdir()):
         if path.name == "summary.json":
             found[path.name] = {k: v for k, v in json.loads(path.read_text()).items() if k not in TIMES}
+        elif path.name == "track.json":
+            found[path.name] = {k: v for k, v in json.loads(path.read_text()).items() if k != "files"}
         elif path.name not in OF_CATALOGUE:
             found[path.name] = path.read_bytes()
     return found

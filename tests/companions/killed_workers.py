@@ -25,6 +25,7 @@ from distributed import LocalCluster
 
 from evenlight import cluster
 from evenlight.analysis.catalogue.catalogue_results import RESULT
+from evenlight.data_schema.storage.result_folders import SUMS
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.data_schema.tracks.brightness_track import read_track
@@ -98,7 +99,7 @@ def check(out: Path, names: list[str]) -> list[str]:
     assert set(names) - set(failed) <= set(there) <= set(names)
     for name in there:  # also of one whose worker died after the last step
         result = read_json_record(CatalogueResult, out / name / RESULT)
-        assert sorted([*result.files, RESULT]) == sorted(path.name for path in (out / name).iterdir())
+        assert sorted([*result.files, RESULT, SUMS]) == sorted(path.name for path in (out / name).iterdir())
         track = read_track(out / name / "track.csv")
         assert len(track.times) == read_loss_curves(out / name / "loss_curves.npz").n_frames == 20
     for name in there[4:]:

@@ -33,7 +33,6 @@ FOLDERS = ("data_schema", "method", "hardware", "stimuli", "experiments", "analy
 SCRIPT = Path(without_unix.__file__)
 # Where such names stand, how often, and what keeps them from being used on Windows.
 GUARDED = {
-    "data_schema/storage/whole_files.py": {"fcntl": 1},  # ImportError: nothing is locked
     "hardware/device_passes.py": {"SIGKILL": 1, "killpg": 1},  # HAS_UNIX: the player alone is ended
     "hardware/drivers/device_lock.py": {"fcntl": 1, "major": 1, "minor": 1},  # ImportError: nothing is locked
     "hardware/drivers/program_lines.py": {"SIGKILL": 2, "killpg": 1, "set_blocking": 1},  # require_unix
@@ -115,7 +114,6 @@ def test_logs_are_written_as_bytes() -> None:
     """A file opened by `os.open` turns line ends into two characters on Windows, unless O_BINARY is given."""
     found = {path for path, text in texts().items() if "os.open(" in text and "O_BINARY" not in text}
     assert found == {
-        "data_schema/storage/whole_files.py",  # a folder, to lock it
         "hardware/drivers/device_lock.py",  # a device, to lock it
         "hardware/drivers/sysfs_backlight.py",  # Linux's
         "hardware/presentation/openxr_runtime.py",  # os.devnull, of which nothing is kept

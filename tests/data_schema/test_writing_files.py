@@ -4,7 +4,7 @@ import json
 import os
 import resource
 import signal
-import tempfile
+import subprocess
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,8 +19,9 @@ from evenlight.data_schema.recordings.instrument_logs import ClockPing
 from evenlight.data_schema.recordings.session import EventKind, SessionEvent
 from evenlight.data_schema.storage import whole_files
 from evenlight.data_schema.storage.append_log import AppendedRows, AppendLog, mend_last_line, record_line
+from evenlight.data_schema.storage.result_folders import SUMS, files_in, growing_folder, result_folder
 from evenlight.data_schema.storage.tables import read_rows
-from evenlight.data_schema.storage.whole_files import results_folder, whole_folder, write_whole
+from evenlight.data_schema.storage.whole_files import held_place, write_whole
 
 
 def everything(folder: Path) -> dict[str, bytes | None]:
@@ -54,18 +55,6 @@ def test_a_failure_in_the_middle_leaves_nothing(
         assert str(caught.value) == f"cannot write {tmp_path}/new/folder/f.txt: No space left on device"
 
 
-def test_a_new_data_set_in_the_working_folder_where_python_names_temporary_folders_in_full(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As `tempfile.mkdtemp` does since Python 3.12, also for a relative `dir`."""
-    before = tempfile.mkdtemp
-    monkeypatch.setattr(tempfile, "mkdtemp", lambda **where: str(Path(before(**where)).resolve()))
-    monkeypatch.chdir(tmp_path)
-    with new_dataset(Path("lab")) as staging:
-        write_whole(staging / "f.txt", "first")
-    assert everything(tmp_path) == {"lab": None, "lab/f.txt": b"first"}
-
-
 def test_a_failure_leaves_the_earlier_file_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "f.txt").write_text("earlier")
     monkeypatch.setattr(Path, "replace", lambda self, target: (_ for _ in ()).throw(OSError(5, "I/O error")))
@@ -93,179 +82,7 @@ def test_a_folder_is_not_overwritten_by_a_file(tmp_path: Path) -> None:
     assert everything(tmp_path) == {"d": None}
 
 
-def write_half(out: Path, name: str, failure: BaseException) -> None:
-    """Write one of several results, and fail."""
-    with results_folder(out) as folder:
-        (folder / name).write_text("half")
-        raise failure
-
-
-def test_results_appear_when_the_block_ends_and_not_before(tmp_path: Path) -> None:
-    out = tmp_path / "a" / "out"
-    with results_folder(out) as folder:
-        (folder / "tables").mkdir()
-        (folder / "tables" / "t.csv").write_text("1")
-        assert not (out / "tables").exists()
-    assert everything(tmp_path) == {
-        "a": None,
-        "a/out": None,
-        "a/out/tables": None,
-        "a/out/tables/t.csv": b"1",
-    }
-
-
-@pytest.mark.parametrize(
-    "failure", [RuntimeError("no"), InputError("no"), KeyboardInterrupt(), SystemExit(1)]
-)
-def test_a_block_that_fails_leaves_nothing_of_it(failure: BaseException, tmp_path: Path) -> None:
-    with pytest.raises(type(failure)):
-        write_half(tmp_path / "a" / "b" / "out", "half.csv", failure)
-    assert everything(tmp_path) == {}
-
-
-def test_a_block_that_fails_leaves_an_earlier_folder_as_it_was(tmp_path: Path) -> None:
-    (tmp_path / "track.csv").write_text("earlier")
-    with pytest.raises(RuntimeError):
-        write_half(tmp_path, "track.csv", RuntimeError())
-    assert everything(tmp_path) == {"track.csv": b"earlier"}
-
-
-def test_results_replace_those_of_the_same_name_only(tmp_path: Path) -> None:
-    (tmp_path / "track.csv").write_text("earlier")
-    (tmp_path / "mine.txt").write_text("mine")
-    with results_folder(tmp_path) as folder:
-        (folder / "track.csv").write_text("later")
-    assert everything(tmp_path) == {"track.csv": b"later", "mine.txt": b"mine"}
-
-
-@pytest.fixture
-def blocked(tmp_path: Path) -> Iterator[Path]:
-    """A folder in which `a.csv` can be replaced, `b/` made, and `c` not, because it is a folder in use."""
-    (tmp_path / "c").mkdir()
-    (tmp_path / "c" / "mine.txt").write_text("mine")
-    (tmp_path / "a.csv").write_text("earlier")
-    return tmp_path
-
-
-def test_results_that_cannot_all_be_put_in_place_are_taken_back(blocked: Path) -> None:
-    before = everything(blocked)
-    with pytest.raises(InputError, match=r"cannot write to the folder .*: Is a directory"):
-        write_three(blocked)
-    assert everything(blocked) == before
-
-
-def write_three(out: Path) -> None:
-    with results_folder(out) as folder:
-        (folder / "a.csv").write_text("later")
-        (folder / "b").mkdir()
-        (folder / "b" / "new.csv").write_text("new")
-        (folder / "c").write_text("a file where a folder is")
-
-
-def write_anew(out: Path) -> None:
-    with results_folder(out, replacing=("dataset",)) as folder:
-        (folder / "dataset").mkdir()
-        (folder / "dataset" / "a.csv").write_text("later")
-        (folder / "report.html").write_text("later")
-
-
-def earlier_results(out: Path) -> Path:
-    (out / "dataset" / "sub-02").mkdir(parents=True)
-    (out / "dataset" / "a.csv").write_text("earlier")
-    (out / "dataset" / "sub-02" / "b.csv").write_text("earlier")
-    (out / "mine.txt").write_text("mine")
-    return out
-
-
-def test_a_folder_whose_replacement_fails_is_as_it_was(tmp_path: Path) -> None:
-    """`report.html` comes last and is a folder in use, when the new data set is in place already."""
-    (earlier_results(tmp_path) / "report.html" / "mine").mkdir(parents=True)
-    before = everything(tmp_path)
-    with pytest.raises(InputError, match="cannot write to the folder"):
-        write_anew(tmp_path)
-    assert everything(tmp_path) == before
-
-
-def test_a_folder_named_for_it_is_replaced_as_a_whole(tmp_path: Path) -> None:
-    write_anew(earlier_results(tmp_path))
-    assert everything(tmp_path) == {
-        "dataset": None,
-        "dataset/a.csv": b"later",
-        "report.html": b"later",
-        "mine.txt": b"mine",
-    }
-
-
-@pytest.mark.parametrize("step", range(4))
-@pytest.mark.parametrize("when", ["before", "after"])
-def test_an_interruption_at_any_step_leaves_everything_as_it_was(
-    step: int, when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The steps: the old data set goes, its folder is made, its file moves in, the report moves in."""
-    before = everything(earlier_results(tmp_path))
-    steps = {"replace": Path.replace, "mkdir": Path.mkdir}
-    done: list[str] = []
-
-    def interrupted(name: str) -> Callable[..., object]:
-        def act(path: Path, *arguments: object, **options: object) -> object:
-            done.append(name)
-            at_the_step = len(done) == step + 3  # two folders are made while the results are written
-            if at_the_step and when == "before":
-                raise KeyboardInterrupt
-            result = steps[name](path, *arguments, **options)
-            if at_the_step:
-                raise KeyboardInterrupt
-            return result
-
-        return act
-
-    for name in steps:
-        monkeypatch.setattr(Path, name, interrupted(name))
-    with pytest.raises(KeyboardInterrupt):
-        write_anew(tmp_path)
-    assert everything(tmp_path) == before
-
-
-def test_a_folder_below_a_file_is_refused_before_any_work(tmp_path: Path) -> None:
-    """Permissions do not hold an administrator back, but nobody makes a folder inside a file."""
-    (tmp_path / "file").write_text("")
-    with (
-        pytest.raises(InputError, match=r"cannot write .*file/out: Not a directory; choose another folder"),
-        results_folder(tmp_path / "file" / "out"),
-    ):
-        pytest.fail("the work was begun")
-    assert everything(tmp_path) == {"file": b""}
-
-
-def test_a_folder_that_is_a_file_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "out").write_text("")
-    with (
-        pytest.raises(InputError, match=r"cannot write to the folder .*out"),
-        results_folder(tmp_path / "out"),
-    ):
-        pytest.fail("the work was begun")
-
-
-def test_folders_made_on_the_way_to_one_that_cannot_be_made_are_removed(tmp_path: Path) -> None:
-    """A name may have 255 bytes on the usual file systems."""
-    with pytest.raises(InputError, match="name too long"), results_folder(tmp_path / "a" / ("b" * 300)):
-        pytest.fail("the work was begun")
-    assert everything(tmp_path) == {}
-
-
-def test_a_relative_folder_stays_relative_where_python_names_temporary_ones_in_full(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Since Python 3.12 `mkdtemp` returns an absolute path: a new data set then took its own for another."""
-    make = tempfile.mkdtemp
-    monkeypatch.setattr(tempfile, "mkdtemp", lambda **options: str(Path(make(**options)).absolute()))
-    monkeypatch.chdir(tmp_path)
-    with new_dataset(Path("lab")) as folder:
-        (folder / "README").write_text("data")
-    assert everything(tmp_path) == {"lab": None, "lab/README": b"data"}
-
-
-# --- whole folder
+# --- whole folders
 
 
 def put(folder: Path, **files: str) -> None:
@@ -274,61 +91,231 @@ def put(folder: Path, **files: str) -> None:
         (folder / name).write_text(text)
 
 
-def contents(folder: Path) -> dict[str, str]:
-    return {path.name: path.read_text() for path in folder.iterdir()}
+def texts(folder: Path) -> dict[str, str]:
+    """What is in the files of a folder, but for that of the sums."""
+    return {name: (folder / name).read_text() for name in files_in(folder) if name != SUMS}
 
 
-def test_it_takes_the_place_of_the_earlier_one_as_a_whole(tmp_path):
-    put(tmp_path / "a", old="1", both="1")
-    with whole_folder(tmp_path / "a") as fresh:
-        put(fresh, both="2", new="2")
-        assert contents(tmp_path / "a") == {"old": "1", "both": "1"}
-    assert contents(tmp_path / "a") == {"both": "2", "new": "2"}
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+def write(out: Path, text: str, command: str = "optimize", force: bool = False) -> None:
+    with result_folder(out, command, force=force) as folder:
+        put(folder, track=text)
+        put(folder / "tables", t=text)
 
 
-def test_a_block_that_fails_leaves_all_as_it_was(tmp_path):
-    put(tmp_path / "a", old="1")
-    with pytest.raises(FileNotFoundError), whole_folder(tmp_path / "a") as fresh:
-        put(fresh / "missing" / "folder", new=Path("nothing").read_text())
-    assert contents(tmp_path / "a") == {"old": "1"}
-    assert [path.name for path in tmp_path.iterdir()] == ["a"]
+def test_results_appear_when_the_block_ends_and_take_the_place_of_earlier_ones(tmp_path: Path) -> None:
+    write(tmp_path / "a" / "out", "1")
+    with result_folder(tmp_path / "a" / "out", "optimize") as folder:
+        put(folder, other="2")
+        assert texts(tmp_path / "a" / "out") == {"track": "1", "tables/t": "1"}
+    assert texts(tmp_path / "a" / "out") == {"other": "2"}
+    assert [path.name for path in (tmp_path / "a").iterdir()] == ["out"]
 
 
-def test_a_place_that_cannot_be_taken_is_told(tmp_path, monkeypatch):
-    (tmp_path / "a").write_text("a file")
-    monkeypatch.setattr(whole_files, "TRIES", 1)
-    with pytest.raises(InputError, match="cannot write"), whole_folder(tmp_path / "a" / "b") as fresh:
-        put(fresh, new="1")
+def fail_in(out: Path, failure: BaseException) -> None:
+    with result_folder(out, "optimize") as folder:
+        put(folder, half="half")
+        raise failure
 
 
-def test_what_was_killed_between_the_two_renames_is_brought_back(tmp_path):
-    put(tmp_path / ".partial-abcdefgh" / ".replaced-12345678" / "a", mine="1")
-    seen = []
-    with whole_folder(tmp_path / "a") as fresh:
-        seen.append(contents(tmp_path / "a"))
-        put(fresh, new="2")
-    assert seen == [{"mine": "1"}]
-    assert contents(tmp_path / "a") == {"new": "2"}
+@pytest.mark.parametrize(
+    "failure", [RuntimeError("no"), InputError("no"), KeyboardInterrupt(), SystemExit(1)]
+)
+def test_a_block_that_fails_leaves_all_as_it_was(failure: BaseException, tmp_path: Path) -> None:
+    write(tmp_path / "out", "earlier")
+    before = everything(tmp_path)
+    for out in (tmp_path / "out", tmp_path / "new" / "folder"):
+        with pytest.raises(type(failure)):
+            fail_in(out, failure)
+    assert everything(tmp_path) == before
 
 
-def test_another_that_comes_first_is_replaced(tmp_path, monkeypatch):
-    """Between the two renames another process puts its own folder there."""
-    put(tmp_path / "a", old="1")
-    usual, count = Path.replace, 0
+@pytest.mark.parametrize("when", ["before", "after"])
+@pytest.mark.parametrize("step", [1, 2])
+def test_an_interruption_at_either_rename_leaves_one_of_the_two(
+    step: int, when: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Ctrl-C comes when the earlier folder goes, or the new one comes."""
+    write(tmp_path / "out", "1")
+    usual, done = Path.replace, []
 
-    def replace(path, target):
-        nonlocal count
-        count += 1
+    def replace(path: Path, target: Path) -> Path:
+        done.append(target) if path.is_dir() else None
+        interrupted = path.is_dir() and len(done) == step
+        if interrupted and when == "before":
+            raise KeyboardInterrupt
         moved = usual(path, target)
-        if count == 1:
-            put(tmp_path / "a", other="2")
+        if interrupted:
+            raise KeyboardInterrupt
         return moved
 
     monkeypatch.setattr(Path, "replace", replace)
-    with whole_folder(tmp_path / "a") as fresh:
-        put(fresh, new="3")
-    assert contents(tmp_path / "a") == {"new": "3"}
+    with pytest.raises(KeyboardInterrupt):
+        write(tmp_path / "out", "2")
+    text = "2" if (step, when) == (2, "after") else "1"
+    assert texts(tmp_path / "out") == {"track": text, "tables/t": text}
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+def test_what_was_killed_between_the_two_renames_is_brought_back(tmp_path: Path) -> None:
+    write(tmp_path / "out", "1")
+    (tmp_path / "out").rename(tmp_path / ".earlier.out")
+    put(tmp_path / ".partial.out", half="2")
+    with pytest.raises(InputError, match="no"):
+        fail_in(tmp_path / "out", InputError("no"))
+    assert texts(tmp_path / "out") == {"track": "1", "tables/t": "1"}
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (lambda out: put(out, notes="mine"), "notes"),
+        (lambda out: put(out, track="edited"), "track"),
+        (lambda out: put(out / "deep" / "down", notes="mine"), "deep/down/notes"),
+        (lambda out: (out / "link").symlink_to(out / "track"), "link"),
+        (lambda out: (out / SUMS).unlink(), "tables/t, track"),
+    ],
+)
+def test_what_no_earlier_result_has_is_not_replaced_but_by_force(
+    change: Callable[[Path], object], told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write(tmp_path / "out", "1")
+    change(tmp_path / "out")
+    before = everything(tmp_path)
+    with pytest.raises(InputError, match=f"other things than a result of `evenlight optimize`: {told}; "):
+        write(tmp_path / "out", "2")
+    assert everything(tmp_path) == before
+    write(tmp_path / "out", "2", force=True)
+    assert texts(tmp_path / "out") == {"track": "2", "tables/t": "2"}
+    assert capsys.readouterr().err == f"evenlight: note: {tmp_path / 'out'}: removed {told}\n"
+
+
+def test_a_result_of_another_command_is_not_replaced(tmp_path: Path) -> None:
+    write(tmp_path / "out", "1")
+    with pytest.raises(InputError, match="than a result of `evenlight control`: tables/t, track; "):
+        write(tmp_path / "out", "2", command="control")
+
+
+def test_what_comes_while_the_work_is_done_is_not_replaced(tmp_path: Path) -> None:
+    write(tmp_path / "out", "1")
+    with (
+        pytest.raises(InputError, match="notes came there meanwhile"),
+        result_folder(tmp_path / "out", "optimize"),
+    ):
+        put(tmp_path / "out", notes="mine")
+    assert texts(tmp_path / "out") == {"track": "1", "tables/t": "1", "notes": "mine"}
+
+
+def test_files_that_desktops_leave_in_any_folder_count_as_nothing(tmp_path: Path) -> None:
+    put(tmp_path / "out", **{".DS_Store": ""})
+    write(tmp_path / "out", "1")
+    put(tmp_path / "out", **{".DS_Store": ""})
+    write(tmp_path / "out", "2")
+    assert texts(tmp_path / "out") == {"track": "2", "tables/t": "2"}
+
+
+@pytest.mark.parametrize("write_there", [write_whole, write])
+def test_two_programs_do_not_write_one_place(
+    write_there: Callable[[Path, str], None], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(whole_files, "LONGEST_WAIT", 0.0)
+    told = "out: another program is writing it; wait until it ends"
+    with held_place(tmp_path / "out", tmp_path / "out"), pytest.raises(InputError, match=told):
+        write_there(tmp_path / "out", "2")
+    assert everything(tmp_path) == {}
+    write_there(tmp_path / "out", "2")
+
+
+@pytest.mark.parametrize("out", [".", "..", str(Path.home()), "/"])
+def test_a_folder_in_use_is_not_replaced(out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    with pytest.raises(InputError, match="is a folder in use; give the name of one to make"):
+        write(Path(out), "1", force=True)
+    assert everything(tmp_path) == {"here": None}
+
+
+def test_a_link_to_a_folder_stays_one(tmp_path: Path) -> None:
+    put(tmp_path / "disk" / "results")
+    (tmp_path / "out").symlink_to(tmp_path / "disk" / "results")
+    write(tmp_path / "out", "1")
+    assert (tmp_path / "out").is_symlink()
+    assert texts(tmp_path / "disk" / "results") == {"track": "1", "tables/t": "1"}
+
+
+@pytest.mark.parametrize(
+    ("out", "reason"), [("file/out", "Not a directory"), ("a/" + "b" * 300, "File name too long")]
+)
+def test_a_place_that_cannot_be_written_is_refused_before_any_work(
+    out: str, reason: str, tmp_path: Path
+) -> None:
+    """Permissions do not hold an administrator back, but nobody makes a folder inside a file."""
+    (tmp_path / "file").write_text("")
+    with pytest.raises(InputError, match=f"cannot write .*: {reason}"), result_folder(tmp_path / out, "fit"):
+        pytest.fail("the work was begun")
+    assert everything(tmp_path) == {"file": b""}
+
+
+def test_a_file_is_no_folder_of_results(tmp_path: Path) -> None:
+    (tmp_path / "out").write_text("mine")
+    with pytest.raises(InputError, match="out: is a file; give the name of a folder"):
+        write(tmp_path / "out", "1", force=True)
+
+
+def test_the_sums_are_those_of_sha256sum_whatever_a_file_is_called(tmp_path: Path) -> None:
+    names = ["plain", "two words", "back\\slash", "new\nline", os.fsdecode(b"caf\xe9")]
+    for _ in range(2):  # the second time they are known again
+        with result_folder(tmp_path / "out", "fit") as folder:
+            put(folder, **dict.fromkeys(names, "x"))
+    checked = subprocess.run(
+        ["sha256sum", "--strict", "-c", SUMS], cwd=tmp_path / "out", capture_output=True, check=False
+    )
+    assert (checked.returncode, checked.stdout.count(b": OK\n")) == (0, len(names))
+
+
+def test_a_folder_that_grows_holds_results_and_files_about_them(tmp_path: Path) -> None:
+    def grow(force: bool = False) -> None:
+        with growing_folder(tmp_path / "out", "catalogue", ["report"], force=force):
+            write(tmp_path / "out" / "film", "1", command="catalogue")
+            put(tmp_path / "out", report="1")
+
+    grow()
+    grow()
+    put(tmp_path / "out", notes="mine")
+    put(tmp_path / "out" / "other", track="mine")
+    with pytest.raises(InputError, match="than a result of `evenlight catalogue`: notes, other/track;"):
+        grow()
+    grow(force=True)
+    assert texts(tmp_path / "out") == {
+        "report": "1", f"film/{SUMS}": (tmp_path / "out" / "film" / SUMS).read_text(), "film/track": "1",
+        "film/tables/t": "1",
+    }  # fmt: skip
+
+
+def test_data_are_never_replaced_and_only_their_owner_reads_them(tmp_path: Path) -> None:
+    with new_dataset(tmp_path / "lab") as folder:
+        put(folder, f="data")
+    assert (tmp_path / "lab").stat().st_mode & 0o777 == 0o700
+    with pytest.raises(InputError, match="is there already"), new_dataset(tmp_path / "lab"):
+        pytest.fail("the work was begun")
+    put(tmp_path / "shared")
+    (tmp_path / "shared").chmod(0o750)
+    with new_dataset(tmp_path / "shared") as folder:
+        put(folder, f="data")
+    assert (tmp_path / "shared").stat().st_mode & 0o777 == 0o750
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["lab", "shared"]
+
+
+def test_files_have_the_permissions_that_the_user_wants(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        write_whole(tmp_path / "a" / "f", "x")
+        AppendLog(tmp_path / "log").close()
+        write(tmp_path / "out", "1")
+    finally:
+        os.umask(before)
+    modes = {path.name: path.stat().st_mode & 0o777 for path in tmp_path.rglob("*") if path.is_file()}
+    assert set(modes.values()) == {0o600}, modes
 
 
 # --- append rows

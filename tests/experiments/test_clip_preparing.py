@@ -69,7 +69,7 @@ def until(happened: Callable[[], bool]) -> None:
     assert happened()
 
 
-@pytest.mark.slow
+@pytest.mark.real_time
 def test_until_a_clip_can_begin_the_field_goes_on_and_the_wait_is_in_the_record() -> None:
     """10 frames of 0.03 s each: 0.3 s, in which a display of 50 Hz has 15 refreshes."""
     window, video = WindowInTime(), SlowVideo(FEW, 0.03)

@@ -30,9 +30,10 @@ from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.recordings.dataset_writing import new_dataset
 from evenlight.data_schema.storage.append_log import mend_last_line
 from evenlight.data_schema.storage.input_sizes import LARGE_OK
+from evenlight.data_schema.storage.result_folders import result_folder
 from evenlight.data_schema.storage.tables import csv_rows, csv_text, number_in, plain_cell
 from evenlight.data_schema.storage.text_files import DEEPEST, read_text
-from evenlight.data_schema.storage.whole_files import recording_folder, results_folder
+from evenlight.data_schema.storage.whole_files import recording_folder
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.experiments.design_files import DESIGNS, load_design, load_sweep_design
 from evenlight.experiments.playback import measured_play
@@ -406,24 +407,15 @@ def test_results_stay_out_of_the_data_set(command, dataset, words, inside) -> No
 
 
 def test_what_a_killed_run_left_goes_and_nothing_else(tmp_path) -> None:
-    dead = tmp_path / ".partial-abcd_123"
-    dead.mkdir()
-    (dead / "track.csv").write_text("half")
-    for name in (".partial-mine", ".partial-ABCDEFGH", "partial-abcd_123"):
+    for left in ("out", ".partial.out", ".earlier.out"):  # killed when it had replaced the earlier result
+        (tmp_path / left).mkdir()
+        (tmp_path / left / ".DS_Store").write_text("")
+    for name in (".partial.mine", "partial.out", "out.partial"):
         (tmp_path / name).mkdir()
-    (tmp_path / ".partial-abcd_124").write_text("a file")
-    replaced = tmp_path / ".partial-abcd_125" / ".replaced-abcd_126"
-    replaced.mkdir(parents=True)
-    (replaced / "0").write_text("an earlier result, of a run that was killed while it was replaced")
-    with results_folder(tmp_path) as living:
-        (living / "a.csv").write_text("1")
-        with results_folder(tmp_path):  # another one, at the same time
-            assert (living / "a.csv").exists()
-    assert (replaced / "0").exists()
-    assert {path.name for path in tmp_path.iterdir()} == {
-        ".partial-ABCDEFGH", ".partial-abcd_124", ".partial-abcd_125", ".partial-mine", "a.csv",
-        "partial-abcd_123",
-    }  # fmt: skip
+    with result_folder(tmp_path / "out", "optimize") as folder:
+        (folder / "a.csv").write_text("1")
+    there = {path.name for path in tmp_path.iterdir()}
+    assert there == {".partial.mine", "partial.out", "out.partial", "out"}
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
@@ -432,22 +424,26 @@ def test_a_killed_run_is_cleared_by_the_next(tmp_path) -> None:
     reading, writing = os.pipe()
     child = os.fork()
     if child == 0:
-        with results_folder(tmp_path) as folder:
+        with result_folder(tmp_path / "out", "optimize") as folder:
             (folder / "half.csv").write_text("half")
             os.write(writing, b"x")
             signal.pause()
         os._exit(0)
     os.read(reading, 1)
-    with results_folder(tmp_path):
-        assert list(tmp_path.glob(".partial-*/half.csv"))  # it lives
+    with pytest.raises(InputError, match="another program is writing it"):  # it lives
+        fill(tmp_path / "out")
     os.kill(child, signal.SIGKILL)
     os.waitpid(child, 0)
-    assert list(tmp_path.glob(".partial-*/half.csv"))
-    with new_dataset(tmp_path) as folder:  # data are never overwritten, but this is none
-        (folder / "x").write_text("")
-    assert everything(tmp_path) == ["x"]
+    assert (tmp_path / ".partial.out" / "half.csv").exists()
+    fill(tmp_path / "out")
+    assert everything(tmp_path) == ["out", "out/x"]
     os.close(reading)
     os.close(writing)
+
+
+def fill(out: Path) -> None:
+    with new_dataset(out) as folder:
+        (folder / "x").write_text("")
 
 
 def test_a_full_disk_in_the_middle_of_a_video(tmp_path) -> None:
@@ -489,7 +485,8 @@ def test_a_lock_that_cannot_be_taken_is_no_traceback(command, tmp_path, place) -
     line = refused(command, *words, "--simulate", "data", "--design", "quick", "--out", tmp_path / "lab")
     assert "cannot write to the folder" in line
     left = set(everything(tmp_path)) - set(before)
-    assert left <= {"lab/.dataset.lock"}  # which stays beside every data set
+    of_data_set = {".dataset.lock", ".bidsignore", "README", "participants.json"}  # what it lacked
+    assert left <= {f"lab/{name}" for name in of_data_set}
 
 
 def test_measured_power_that_is_refused_leaves_nothing(command, tmp_path, make_stimulus, make_video) -> None:

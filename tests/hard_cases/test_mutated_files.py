@@ -150,7 +150,7 @@ def written(out: Path, write: Callable[[], object]) -> None:
     except (InputError, InstrumentError):
         assert not out.exists(), f"half-written: {sorted(out.rglob('*'))}"
         raise
-    assert not list(out.parent.glob(".partial-*"))
+    assert not list(out.parent.glob(".partial.*"))
 
 
 def simulate_design(out: Path, design: Path) -> None:

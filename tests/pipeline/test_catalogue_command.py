@@ -72,10 +72,7 @@ def catalogued(made, films, tmp_path):
 def test_one_bad_video_stops_no_other(catalogue, films, tmp_path):
     (films / "broken.mp4").write_bytes(b"no video")
     (films / "empty.mkv").touch()
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "errors.csv").touch()  # of an earlier version: it would name other videos
     ended = catalogue(films)
-    assert not (tmp_path / "out" / "errors.csv").exists()
     assert ended.code == 1
     assert ended.err == ""
     errors = {name: row.error for name, row in rows_of(tmp_path / "out").items() if row.error}
@@ -99,7 +96,7 @@ def test_a_defect_is_told_and_stops_no_other(catalogue, films, tmp_path, monkeyp
     [error] = [row.error for row in rows_of(tmp_path / "out").values() if row.error]
     assert error == f"{catalogue_results.DEFECT}: ZeroDivisionError: by hand in two lines"
     assert not (tmp_path / "out" / "b").exists()
-    assert not list((tmp_path / "out").glob(".partial-*"))
+    assert not list((tmp_path / "out").glob(".*"))
 
 
 def test_run_again_it_does_only_what_is_missing_or_has_changed(catalogue, catalogued, tmp_path):
@@ -110,7 +107,6 @@ def test_run_again_it_does_only_what_is_missing_or_has_changed(catalogue, catalo
     assert written_at(out) == first
     clip(films / "b.mkv", 7)
     (out / "old-c" / "track.csv").unlink()
-    (out / "a" / "notes.txt").write_text("of the user")
     assert catalogue(films).code == 0
     second = written_at(out)
     assert second["a"] == first["a"]
@@ -118,7 +114,12 @@ def test_run_again_it_does_only_what_is_missing_or_has_changed(catalogue, catalo
     assert second["old-c"] > first["old-c"]
     assert catalogue(films, "--calm", 0).code == 0
     assert all(second[name] < when for name, when in written_at(out).items())
+    (out / "a" / "notes.txt").write_text("of the user")
+    assert catalogue(films, "--calm", 0.1).code == 1
+    assert "holds other things than a result of `evenlight catalogue`: notes.txt" in rows_of(out)["a"].error
     assert (out / "a" / "notes.txt").read_text() == "of the user"
+    assert catalogue(films, "--calm", 0.1, "--force").code == 0
+    assert not (out / "a" / "notes.txt").exists()
 
 
 def test_other_software_makes_all_again(catalogue, catalogued, tmp_path, monkeypatch):
@@ -160,6 +161,7 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
         alone = (tmp_path / "out" / "a" / name).read_bytes()
         assert (tmp_path / "table" / "from-curves" / name).read_bytes() == alone
     assert sorted(p.name for p in (tmp_path / "table" / "from-curves").iterdir()) == [
+        "SHA256SUMS",
         "catalogue.json",
         "loss_curves.npz",
         "summary.json",

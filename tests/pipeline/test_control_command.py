@@ -75,7 +75,7 @@ def controlled(command, out: Path, video: Path, *more: object):
 
 def test_the_results_say_what_the_controller_did(command, tmp_path: Path, walk: Path) -> None:
     track, summary, control, said = controlled(command, tmp_path / "out", walk, "--target-loss", 0.05)
-    assert {file.name for file in (tmp_path / "out").iterdir()} == TABLES | FIGURES
+    assert {file.name for file in (tmp_path / "out").iterdir()} == TABLES | FIGURES | {"SHA256SUMS"}
     curves = read_loss_curves(tmp_path / "out" / "loss_curves.npz")
     np.testing.assert_allclose(track.contrast_loss, loss_and_slope(curves, track.factors)[0], atol=1e-12)
     constant = loss_and_slope(curves, np.full(150, track.factors.mean()))[0]

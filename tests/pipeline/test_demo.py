@@ -10,6 +10,7 @@ from PIL import Image
 from report_pages import faults_at
 
 from evenlight import command as command_line
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import sha256_of_file
 from evenlight.data_schema.rate_limit import RateLimit
@@ -117,7 +118,7 @@ def test_a_demo_never_touches_recorded_data(command, tmp_path) -> None:
     recorded.write_text("precious")
     result = command("demo", "--out", tmp_path)
     assert result.code == 2
-    assert "holds data that no demo made" in result.err
+    assert "other things than a result of `evenlight demo`: dataset/sub-01" in result.err
     assert recorded.read_text() == "precious"
 
 
@@ -125,7 +126,7 @@ def test_a_demo_never_replaces_simulated_data_that_somebody_else_keeps(command, 
     kept = tmp_path / "dataset"
     assert command("simulate", "ramp", "--participants", 1, "--out", kept, "--quiet").code == 0
     before = sha256_of_file(kept)
-    assert "holds data that no demo made" in command("demo", "--out", tmp_path).err
+    assert "other things than a result of `evenlight demo`" in command("demo", "--out", tmp_path).err
     assert sha256_of_file(kept) == before
 
 
@@ -134,7 +135,7 @@ def test_a_demo_never_replaces_its_data_set_when_somebody_wrote_into_it(command,
     shutil.copytree(folder, again)
     (again / "dataset" / "sub-99").mkdir()
     (again / "dataset" / "sub-99" / "trials.jsonl").write_text("precious")
-    assert "were changed since" in command("demo", "--out", again).err
+    assert "demo`: dataset/sub-99/trials.jsonl; " in command("demo", "--out", again).err
     assert (again / "dataset" / "sub-99" / "trials.jsonl").read_text() == "precious"
 
 
@@ -142,17 +143,13 @@ def test_a_second_demo_that_fails_leaves_the_first_as_it_was(command, folder, tm
     again = tmp_path / "again"
     shutil.copytree(folder, again)
 
-    def fill_the_place_of_the_report(dataset, source, budget, results, quiet) -> None:
-        (results / "report.html").write_text("a file where a folder is")
+    def fail(*given: object) -> None:
+        raise InputError("the disk is full")
 
-    monkeypatch.setattr("evenlight.analysis.tracks.closed_loop.close_loop", fill_the_place_of_the_report)
-    (again / "report.html").unlink()
-    (again / "report.html").mkdir()
-    (again / "report.html" / "mine.txt").write_text("mine")
+    monkeypatch.setattr("evenlight.analysis.tracks.closed_loop.close_loop", fail)
     before = sha256_of_file(again)
     result = command("demo", "--out", again, "--participants", 2, "--quiet")
-    assert result.code == 2
-    assert "cannot write to the folder" in result.err
+    assert (result.code, result.err) == (2, "evenlight: the disk is full\n")
     assert sha256_of_file(again) == before
 
 

@@ -21,7 +21,7 @@ def stopped(signal_number: int, out: Path) -> tuple[int, str]:
     with subprocess.Popen([*EVENLIGHT, *LONG_RUN, "--out", str(out)], stderr=subprocess.PIPE) as process:
         try:
             deadline = time.monotonic() + 200
-            while not list(out.glob(".partial-*")):
+            while not list(out.parent.glob(".partial.*")):
                 assert process.poll() is None
                 assert time.monotonic() < deadline
                 time.sleep(0.02)

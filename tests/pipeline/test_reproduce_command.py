@@ -279,7 +279,7 @@ def test_a_folder_with_data_of_others_is_left_alone(lab, command, tmp_path) -> N
     (tmp_path / "pipeline" / "mine.txt").write_text("mine")
     outcome = command("reproduce", "--out", tmp_path)
     assert outcome.code == 2
-    assert "holds data that no reproduction made" in outcome.err
+    assert "other things than a result of `evenlight reproduce`: pipeline/mine.txt;" in outcome.err
     assert (tmp_path / "pipeline" / "mine.txt").read_text() == "mine"
 
 

@@ -12,6 +12,7 @@ import typer
 from evenlight.command import COMMANDS
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.storage.result_folders import result_folder
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.result_requests import recorded, write_request
 
@@ -261,7 +262,10 @@ def test_a_command_that_ends_with_a_failed_part_leaves_its_request_and_an_error_
     tmp_path: Path,
 ) -> None:
     def command(out: Path, failed: bool) -> None:
-        raise typer.Exit(1) if failed else InputError("no")
+        with result_folder(out, "catalogue"):
+            if not failed:
+                raise InputError("no")
+        raise typer.Exit(1)
 
     asked = recorded("catalogue", command)
     with pytest.raises(typer.Exit):

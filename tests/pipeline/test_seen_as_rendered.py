@@ -148,7 +148,8 @@ def test_a_track_of_an_earlier_version_has_no_field_of_view(sequence, tmp_path) 
     header = json.loads(sidecar.read_text())
     assert header.pop("field_of_view_deg") == 90
     sidecar.write_text(json.dumps(header))
-    assert read_track(tmp_path / "track.csv").header == replace(made.track.header, field_of_view=None)
+    read = read_track(tmp_path / "track.csv").header
+    assert replace(read, files={}) == replace(made.track.header, field_of_view=None)
 
 
 def test_a_picture_has_one_size(command, tmp_path) -> None:

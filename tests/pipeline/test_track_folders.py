@@ -1,15 +1,19 @@
 """What stays in a folder of results when another track is made into it, and what is refused beforehand."""
 
+import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import evenlight
+from evenlight.data_schema.errors import InputError
+
 pytestmark = pytest.mark.usefixtures("blank_pictures")
 
 FILES = ("track.csv", "track.json", "loss_curves.npz", "summary.json")
 TRACK = {*FILES, "contrast_map.png", "player.html", "track.png"}
-ASKED = TRACK | {"request.toml"}
+ASKED = TRACK | {"request.toml", "SHA256SUMS"}
 
 
 @pytest.fixture
@@ -23,22 +27,21 @@ def names(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_nothing_of_an_earlier_track_stays_beside_a_new_one_and_what_is_not_ours_does(
-    command, film, tmp_path
-) -> None:
+def test_nothing_of_an_earlier_track_stays_beside_a_new_one(command, film, tmp_path) -> None:
     out = tmp_path / "out"
-    assert command("control", film, "--target-loss", "0.03", "--out", out).code == 0
-    assert names(out) == ASKED
-    (out / "notes.txt").write_text("mine")
-    (out / "control.json").touch()  # of an earlier version: the summary has what it said
-    curves = ("--curves", out / "loss_curves.npz")
-    assert command("control", film, "--target-loss", "0.03", *curves, "--out", out).code == 0
-    assert names(out) == ASKED | {"notes.txt"}
-    optimize = ("optimize", film, "--budget", "0.5", *curves, "--out", out)
+    optimize = ("optimize", film, "--budget", "0.5", "--out", out)
     assert command(*optimize).code == 0
-    assert names(out) == ASKED | {"notes.txt"}
-    assert command(*optimize, "--no-player").code == 0
-    assert names(out) == (ASKED | {"notes.txt"}) - {"player.html"}
+    assert names(out) == ASKED
+    assert command(*optimize, "--curves", out / "loss_curves.npz", "--no-player").code == 0
+    assert names(out) == ASKED - {"player.html"}
+    refused = command("control", film, "--target-loss", "0.03", "--out", out)
+    assert (refused.code, "than a result of `evenlight control`" in refused.err) == (2, True)
+    forced = command("control", film, "--target-loss", "0.03", "--out", out, "--force", "--quiet")
+    assert (forced.code, forced.err.startswith(f"evenlight: note: {out}: removed contrast_map.png, ")) == (
+        0,
+        True,
+    )
+    assert names(out) == ASKED
 
 
 def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, film, tmp_path) -> None:
@@ -47,10 +50,24 @@ def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, film, 
     assert {path.name for path in out.iterdir() if path.is_dir()} == {"01-film", "02-film"}
     assert names(out / "01-film") == names(out / "02-film") == TRACK
     assert not (out / "player.html").exists()
-    (out / "02-film" / "notes.txt").write_text("mine")
     assert command("optimize", film, "--budget", "0.5", "--out", out).code == 0
-    assert names(out) == ASKED | {"02-film/notes.txt"}
-    assert not (out / "01-film").exists()
+    assert names(out) == ASKED
+
+
+def test_a_mixture_of_two_tracks_is_refused_by_who_reads_it(command, film, tmp_path) -> None:
+    """A table or a summary of one result beside the header of another."""
+    for name, budget in (("one", "0.5"), ("two", "0.7")):
+        made = command("optimize", film, "--budget", budget, "--no-player", "--out", tmp_path / name)
+        assert made.code == 0
+    told = "is not the file that track.json beside it was written with: of another result, or changed since"
+    for file in ("track.csv", "summary.json"):
+        mixed = shutil.copytree(tmp_path / "one", tmp_path / f"mixed-{file}")
+        shutil.copy(tmp_path / "two" / file, mixed / file)
+        with pytest.raises(InputError, match=f"{file}: {told}"):
+            evenlight.load(mixed)
+    dimmed = tmp_path / "dimmed.mkv"
+    refused = command("apply", film, tmp_path / "mixed-track.csv", "--out", dimmed)
+    assert (refused.code, told in refused.err, dimmed.exists()) == (2, True, False)
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,209 @@
+"""Folders of results: each appears whole, and takes the place of an earlier result of its command only.
+
+`SHA256SUMS` in it names the command and binds the files: `sha256sum -c SHA256SUMS` checks them.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+
+from evenlight.data_schema.errors import ArgumentError, InputError
+from evenlight.data_schema.provenance import sha256_of_file
+from evenlight.data_schema.storage.input_files import open_input
+from evenlight.data_schema.storage.whole_files import (
+    ON_THE_WAY,
+    held_place,
+    make_folder,
+    write_whole,
+    written_whole,
+)
+
+SUMS = "SHA256SUMS"
+OF_SYSTEM = (".DS_Store", "Thumbs.db", "desktop.ini")  # desktops leave them in any folder
+NAMED = 4  # files that a refusal names
+_MADE_BY = "# evenlight "  # as the first line begins
+_written_last: ContextVar[tuple[Path, Callable[[Path], None]] | None] = ContextVar(
+    "written_last", default=None
+)
+
+
+@contextmanager
+def result_folder(out: Path, command: str, *, force: bool = False, wait: float = 0.0) -> Iterator[Path]:
+    """Yield an empty folder for results, which takes the place of `out` when the block ends well.
+
+    Parameters
+    ----------
+    out : Path
+        Where the results go.
+    command : str
+        What makes them: an earlier result of it is replaced.
+    force : bool, optional
+        Whether anything else that is there is removed, too; standard error says what.
+    wait : float, optional
+        How long to wait for another program that writes there [s].
+
+    Raises
+    ------
+    InputError
+        At once, before any work is done, if `out` holds anything else, or cannot be written.
+    """
+    _require_apart(out)
+    with written_whole(out, wait) as folder:
+        others = _require_own(out, command, _others_in(out, command), force=force)
+        folder.mkdir()
+        yield folder
+        _write_last(out, folder)
+        _write_sums(folder, command)
+        if later := set(_others_in(out, command)) - set(others):
+            raise InputError(f"{out}: {_listed(sorted(later))} came there meanwhile; give another folder")
+
+
+@contextmanager
+def growing_folder(out: Path, command: str, files: Collection[str], *, force: bool = False) -> Iterator[None]:
+    """Hold a folder in which each result of a command is a folder, beside some files about all of them.
+
+    Parameters
+    ----------
+    out, command, force : Path, str, bool
+        As of `result_folder`.
+    files : collection of str
+        Names of the files beside the results.
+    """
+    _require_apart(out)
+    with held_place(Path(os.path.realpath(out)), out):
+        for name in _require_own(out, command, _others_beside(out, command, files), force=force):
+            (out / name).unlink(missing_ok=True)
+        make_folder(out)
+        _write_sums(out, command, names=())
+        yield
+        _write_last(out, out)
+
+
+@contextmanager
+def written_last(out: Path, write: Callable[[Path], None]) -> Iterator[None]:
+    """Let something be written into the results of a folder when they are complete, before they appear."""
+    token = _written_last.set((out, write))
+    try:
+        yield
+    finally:
+        _written_last.reset(token)
+
+
+@contextmanager
+def new_folder(folder: Path, there: str) -> Iterator[Path]:
+    """Yield an empty folder for data, which appears under its own name when the block ends well.
+
+    Only its owner can read it, unless it was there before, empty, with other permissions.
+
+    Parameters
+    ----------
+    folder : Path
+        A folder that is not there, or empty.
+    there : str
+        What is said if it holds anything.
+
+    Raises
+    ------
+    InputError
+        If it holds anything, or cannot be written.
+    """
+    with written_whole(folder, wait=0.0) as fresh:
+        if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+            raise InputError(there)
+        fresh.mkdir(0o700)
+        yield fresh
+
+
+def _write_last(out: Path, folder: Path) -> None:
+    last = _written_last.get()
+    if last is not None and last[0] == out:
+        last[1](folder)
+
+
+def files_in(folder: Path) -> tuple[str, ...]:
+    """Return the files of a folder of results, as paths below it."""
+    paths = (path for path in sorted(folder.rglob("*")) if path.is_symlink() or not path.is_dir())
+    return tuple(path.relative_to(folder).as_posix() for path in paths if path.name not in OF_SYSTEM)
+
+
+def _require_apart(out: Path) -> None:
+    """Refuse a folder that cannot become another one: that of the user, or of a disk."""
+    place = Path(os.path.realpath(out))
+    if any(own == place or place in own.parents for own in (Path.cwd(), Path.home())) or place.is_mount():
+        raise ArgumentError(
+            "out", f"{out}: is a folder in use; give the name of one to make, such as {out / 'results'}"
+        )
+
+
+def _require_own(out: Path, command: str, others: list[str], *, force: bool) -> list[str]:
+    if others and not force:
+        raise ArgumentError(
+            "out",
+            f"{out}: holds other things than a result of `evenlight {command}`: {_listed(others)}; give "
+            "another folder, or `force` to remove them",
+        )
+    if others:
+        print(f"evenlight: note: {out}: removed {_listed(others)}", file=sys.stderr)
+    return others
+
+
+def _listed(names: list[str]) -> str:
+    more = f" and {len(names) - NAMED} more" if len(names) > NAMED else ""
+    return ", ".join(names[:NAMED]) + more
+
+
+def _others_in(out: Path, command: str) -> list[str]:
+    """Return the files in a folder that no earlier result of a command has, or not so."""
+    if not out.exists():
+        return []
+    if not out.is_dir():
+        raise ArgumentError("out", f"{out}: is a file; give the name of a folder")
+    own = _sums_of(out, command) or {}
+    return [
+        name
+        for name in files_in(out)
+        if name != SUMS
+        and (name not in own or (out / name).is_symlink() or own[name] != sha256_of_file(out / name))
+    ]
+
+
+def _others_beside(out: Path, command: str, files: Collection[str]) -> list[str]:
+    """Return the files of a growing folder that are in no result, and not among those beside the results."""
+    own = files if _sums_of(out, command) is not None else ()
+    results = {
+        path.parent for path in out.rglob(SUMS) if path.parent != out and _sums_of(path.parent, command)
+    }
+    loose = [name for name in files_in(out) if results.isdisjoint((out / name).parents)]
+    return [name for name in loose if not name.startswith(ON_THE_WAY) and name not in (*own, SUMS)]
+
+
+def _sums_of(folder: Path, command: str) -> dict[str, str] | None:
+    """Return the files of a result with their SHA-256; None if there is no result of the command."""
+    if not (folder / SUMS).is_file():
+        return None
+    with open_input(folder / SUMS, "the files of a result") as stream:
+        first, *lines = stream.read().decode(errors="surrogateescape").split("\n")
+    if not first.startswith(f"{_MADE_BY}{command}:"):
+        return None
+    return {_plain(line): line.removeprefix("\\")[:64] for line in lines if line}
+
+
+def _write_sums(folder: Path, command: str, names: Collection[str] | None = None) -> None:
+    lines = [f"{_MADE_BY}{command}: the files of this result; a folder that holds others is not replaced"]
+    for name in files_in(folder) if names is None else names:
+        line = f"{sha256_of_file(folder / name)}  {name}"
+        escaped = line.replace("\\", r"\\").replace("\n", r"\n")
+        lines.append(line if escaped == line else f"\\{escaped}")
+    write_whole(folder / SUMS, "".join(f"{line}\n" for line in lines).encode(errors="surrogateescape"))
+
+
+def _plain(line: str) -> str:
+    """Return the name in a line of `sha256sum`, which begins with a backslash where the name is escaped."""
+    if not line.startswith("\\"):
+        return line[66:]
+    return line[67:].replace(r"\\", "\0").replace(r"\n", "\n").replace("\0", "\\")
