@@ -42,8 +42,9 @@ def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
 
     @functools.wraps(command)
     def noted(context: typer.Context | None = None, request: Path | None = None, **given: Any) -> None:
-        from evenlight.data_schema.storage.result_folders import written_last
+        from evenlight.data_schema.storage.result_folders import Asked, asked_of_command
         from evenlight.stimuli.video.film_bytes import READ_FILMS
+        from evenlight.stimuli.video.video_locations import local_name
 
         READ_FILMS.clear()
         file = None if request is None else _file_of(request)
@@ -57,7 +58,8 @@ def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
                 if inputs.get(of, sha256) not in ("", sha256):
                     print(f"evenlight: note: {of} is not as it was when {file} was written", file=sys.stderr)
 
-        with written_last(given["out"], write):
+        inputs = tuple(Path(local_name(one)) for one in before)
+        with asked_of_command(Asked(given["out"], inputs, write)):
             command(**given)
 
     declared = signature(command, eval_str=True)

@@ -6,10 +6,12 @@
 from __future__ import annotations
 
 import os
+import shutil
 import sys
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from dataclasses import dataclass
 from pathlib import Path
 
 from evenlight.data_schema.errors import ArgumentError, InputError
@@ -27,14 +29,25 @@ SUMS = "SHA256SUMS"
 OF_SYSTEM = (".DS_Store", "Thumbs.db", "desktop.ini")  # desktops leave them in any folder
 NAMED = 4  # files that a refusal names
 _MADE_BY = "# evenlight "  # as the first line begins
-_written_last: ContextVar[tuple[Path, Callable[[Path], None]] | None] = ContextVar(
-    "written_last", default=None
-)
+
+
+@dataclass(frozen=True, slots=True)
+class Asked:
+    """What a command was asked, whose results go to a folder."""
+
+    out: Path
+    inputs: tuple[Path, ...]  # files and folders that were named; those that lie in `out` stay there
+    write: Callable[[Path], None]  # writes what was asked into the results, before they appear
+
+
+_asked: ContextVar[Asked | None] = ContextVar("asked", default=None)
 
 
 @contextmanager
 def result_folder(out: Path, command: str, *, force: bool = False, wait: float = 0.0) -> Iterator[Path]:
     """Yield an empty folder for results, which takes the place of `out` when the block ends well.
+
+    A file in `out` that was named to the command, such as the film of a track, stays there.
 
     Parameters
     ----------
@@ -54,12 +67,16 @@ def result_folder(out: Path, command: str, *, force: bool = False, wait: float =
     """
     _require_apart(out)
     with written_whole(out, wait) as folder:
-        others = _require_own(out, command, _others_in(out, command), force=force)
+        before = _others_in(out, command)
+        inputs = [name for name in before if _is_input(out / name, out)]
+        _require_own(out, command, [name for name in before if name not in inputs], force=force)
         folder.mkdir()
         yield folder
-        _write_last(out, folder)
+        _write_asked(out, folder)
         _write_sums(folder, command)
-        if later := set(_others_in(out, command)) - set(others):
+        for name in inputs:
+            _carry_over(out / name, folder / name)
+        if later := set(_others_in(out, command)) - set(before):
             raise InputError(f"{out}: {_listed(sorted(later))} came there meanwhile; give another folder")
 
 
@@ -76,22 +93,24 @@ def growing_folder(out: Path, command: str, files: Collection[str], *, force: bo
     """
     _require_apart(out)
     with held_place(Path(os.path.realpath(out)), out):
-        for name in _require_own(out, command, _others_beside(out, command, files), force=force):
+        others = _others_beside(out, command, files)
+        _require_own(out, command, others, force=force)
+        for name in others:
             (out / name).unlink(missing_ok=True)
         make_folder(out)
         _write_sums(out, command, names=())
         yield
-        _write_last(out, out)
+        _write_asked(out, out)
 
 
 @contextmanager
-def written_last(out: Path, write: Callable[[Path], None]) -> Iterator[None]:
-    """Let something be written into the results of a folder when they are complete, before they appear."""
-    token = _written_last.set((out, write))
+def asked_of_command(asked: Asked) -> Iterator[None]:
+    """Let a command's results know what was asked of it."""
+    token = _asked.set(asked)
     try:
         yield
     finally:
-        _written_last.reset(token)
+        _asked.reset(token)
 
 
 @contextmanager
@@ -119,10 +138,27 @@ def new_folder(folder: Path, there: str) -> Iterator[Path]:
         yield fresh
 
 
-def _write_last(out: Path, folder: Path) -> None:
-    last = _written_last.get()
-    if last is not None and last[0] == out:
-        last[1](folder)
+def _write_asked(out: Path, folder: Path) -> None:
+    asked = _asked.get()
+    if asked is not None and asked.out == out:
+        asked.write(folder)
+
+
+def _is_input(path: Path, out: Path) -> bool:
+    """Return whether a file in `out` was named to the command, itself or by a folder around it."""
+    asked = _asked.get()
+    if asked is None or asked.out != out:
+        return False
+    own = {path.resolve(), *path.resolve().parents} - {out.resolve(), *out.resolve().parents}
+    return not own.isdisjoint(named.resolve() for named in asked.inputs)
+
+
+def _carry_over(path: Path, target: Path) -> None:
+    target.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        target.hardlink_to(path)
+    except OSError:  # a file system without links
+        shutil.copy2(path, target)
 
 
 def files_in(folder: Path) -> tuple[str, ...]:
@@ -140,7 +176,7 @@ def _require_apart(out: Path) -> None:
         )
 
 
-def _require_own(out: Path, command: str, others: list[str], *, force: bool) -> list[str]:
+def _require_own(out: Path, command: str, others: list[str], *, force: bool) -> None:
     if others and not force:
         raise ArgumentError(
             "out",
@@ -149,7 +185,6 @@ def _require_own(out: Path, command: str, others: list[str], *, force: bool) -> 
         )
     if others:
         print(f"evenlight: note: {out}: removed {_listed(others)}", file=sys.stderr)
-    return others
 
 
 def _listed(names: list[str]) -> str:

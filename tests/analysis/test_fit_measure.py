@@ -105,10 +105,10 @@ def test_one_sequence_tells_nothing():
 def stimuli(tmp_path_factory) -> Path:
     """A small sequence with its track."""
     folder = tmp_path_factory.mktemp("stimuli") / "s0"
-    folder.mkdir()
-    write_video(folder / "video.mkv", built_in_sequence("sunrise", (64, 36), 2.0, 5.0).frames(), 5.0,
-                field_of_view=90.0)  # fmt: skip
-    evenlight.optimize(folder / "video.mkv", 0.5).save(folder)
+    video = folder.with_suffix(".mkv")
+    write_video(video, built_in_sequence("sunrise", (64, 36), 2.0, 5.0).frames(), 5.0, field_of_view=90.0)
+    evenlight.optimize(video, 0.5).save(folder)
+    video.rename(folder / "video.mkv")
     return folder.parent
 
 

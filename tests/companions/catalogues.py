@@ -55,4 +55,4 @@ def contents(folder: Path) -> dict[str, Any]:
 
 def written_at(out: Path) -> dict[str, int]:
     """When each track was written [ns]: whether something was done again."""
-    return {path.parent.name: path.stat().st_mtime_ns for path in out.glob("*/track.csv")}
+    return {path.parent.name: path.stat().st_mtime_ns for path in out.glob("[!.]*/track.csv")}

@@ -61,7 +61,7 @@ def test_a_catalogue_whose_client_was_killed_goes_on(command, cluster, tmp_path)
     assert command(*words, "--cluster", cluster.scheduler_address).code == 0
     assert check(out, [f"{k:02d}" for k in range(6)]) == []
     assert {name: when for name, when in written_at(out).items() if name in before} == before
-    assert not list(out.glob(".partial-*"))
+    assert not list(out.glob(".*"))
 
 
 @pytest.mark.parametrize("closed", [CommClosedError("in ConnectionPool.ncores"), OSError("Timed out trying")])

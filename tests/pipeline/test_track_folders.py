@@ -54,6 +54,23 @@ def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, film, 
     assert names(out) == ASKED
 
 
+def test_a_film_may_lie_in_the_folder_of_its_track(command, film, tmp_path) -> None:
+    """As the stimuli of an experiment do; it stays there, whatever else goes."""
+    out = tmp_path / "stimuli" / "library"
+    out.mkdir(parents=True)
+    video = film.rename(out / "video.mkv")
+    before = video.read_bytes()
+    words = ("optimize", video, "--budget", "0.5", "--no-player", "--quiet", "--out", out)
+    for _ in range(2):
+        assert command(*words).code == 0
+        assert names(out) == ASKED - {"player.html"} | {"video.mkv"}
+    (out / "notes.txt").write_text("mine")
+    assert "other things than a result of `evenlight optimize`: notes.txt;" in command(*words).err
+    assert command(*words, "--force").code == 0
+    assert names(out) == ASKED - {"player.html"} | {"video.mkv"}
+    assert video.read_bytes() == before
+
+
 def test_a_mixture_of_two_tracks_is_refused_by_who_reads_it(command, film, tmp_path) -> None:
     """A table or a summary of one result beside the header of another."""
     for name, budget in (("one", "0.5"), ("two", "0.7")):
