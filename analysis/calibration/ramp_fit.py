@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -53,6 +53,7 @@ class RampFit(Result):
         Everything that was fitted.
     """
 
+    made_by: ClassVar = "fit"
     calibration: Calibration
 
     @property

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 from cycler import cycler
 from matplotlib.axes import Axes
@@ -48,6 +48,7 @@ class Panel(NamedTuple):
 class Plan(Result):
     """A plan of an experiment."""
 
+    made_by: ClassVar = "plan"
     title: str
     rows: tuple[Row, ...]  # for each number of participants, and each test, or each design with so many ramps
     answer: tuple[str, ...]  # what it comes to, in sentences, the most important first

@@ -75,7 +75,7 @@ def result_folder(out: Path, command: str, *, force: bool = False, wait: float =
         _write_asked(out, folder)
         _write_sums(folder, command)
         for name in inputs:
-            _carry_over(out / name, folder / name)
+            _carry_over(out / name, folder / name, force=force)
         if later := set(_others_in(out, command)) - set(before):
             raise InputError(f"{out}: {_listed(sorted(later))} came there meanwhile; give another folder")
 
@@ -131,6 +131,7 @@ def new_folder(folder: Path, there: str) -> Iterator[Path]:
     InputError
         If it holds anything, or cannot be written.
     """
+    _require_apart(folder)
     with written_whole(folder, wait=0.0) as fresh:
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise InputError(there)
@@ -153,7 +154,11 @@ def _is_input(path: Path, out: Path) -> bool:
     return not own.isdisjoint(named.resolve() for named in asked.inputs)
 
 
-def _carry_over(path: Path, target: Path) -> None:
+def _carry_over(path: Path, target: Path, *, force: bool) -> None:
+    if target.exists():  # the sums have the new one: of loss curves, say
+        if not force:
+            raise InputError(f"{path}: a result has its name; give another folder, or `force` to replace it")
+        return
     target.parent.mkdir(parents=True, exist_ok=True)
     try:
         target.hardlink_to(path)
@@ -169,8 +174,8 @@ def files_in(folder: Path) -> tuple[str, ...]:
 
 def _require_apart(out: Path) -> None:
     """Refuse a folder that cannot become another one: that of the user, or of a disk."""
-    place = Path(os.path.realpath(out))
-    if any(own == place or place in own.parents for own in (Path.cwd(), Path.home())) or place.is_mount():
+    place, home = Path(os.path.realpath(out)), Path(os.path.expanduser("~"))  # noqa: PTH111 - there may be none
+    if any(own == place or place in own.parents for own in (Path.cwd(), home)) or os.path.ismount(place):
         raise ArgumentError(
             "out", f"{out}: is a folder in use; give the name of one to make, such as {out / 'results'}"
         )
@@ -180,8 +185,8 @@ def _require_own(out: Path, command: str, others: list[str], *, force: bool) -> 
     if others and not force:
         raise ArgumentError(
             "out",
-            f"{out}: holds other things than a result of `evenlight {command}`: {_listed(others)}; give "
-            "another folder, or `force` to remove them",
+            f"{out}: holds other things than a result of `evenlight {command}`: {_listed(others)}; what is "
+            "new or changed there would be lost: give another folder, or `force` to remove it",
         )
     if others:
         print(f"evenlight: note: {out}: removed {_listed(others)}", file=sys.stderr)
@@ -214,7 +219,8 @@ def _others_beside(out: Path, command: str, files: Collection[str]) -> list[str]
         path.parent for path in out.rglob(SUMS) if path.parent != out and _sums_of(path.parent, command)
     }
     loose = [name for name in files_in(out) if results.isdisjoint((out / name).parents)]
-    return [name for name in loose if not name.startswith(ON_THE_WAY) and name not in (*own, SUMS)]
+    done = [name for name in loose if not any(part.startswith(ON_THE_WAY) for part in Path(name).parts)]
+    return [name for name in done if name not in (*own, SUMS)]
 
 
 def _sums_of(folder: Path, command: str) -> dict[str, str] | None:

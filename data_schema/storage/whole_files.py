@@ -121,7 +121,8 @@ def written_whole(target: Path, wait: float | None = None) -> Iterator[Path]:
                 _put(partial, place, earlier)
         finally:
             _remove(partial)
-            _remove(earlier)
+            if os.path.lexists(place):  # else the earlier is all that there is
+                _remove(earlier)
 
 
 @contextmanager
@@ -130,9 +131,10 @@ def held_place(place: Path, named: Path, wait: float = 0.0) -> Iterator[None]:
 
     Folders above it are made; those that are empty at the end go again.
     """
-    created = _topmost_missing(place.parent)
+    created = None
     try:
         with _told_of(named):
+            created = _topmost_missing(place.parent)
             if place.parent.is_file():
                 raise NotADirectoryError(errno.ENOTDIR, os.strerror(errno.ENOTDIR))
             place.parent.mkdir(parents=True, exist_ok=True)

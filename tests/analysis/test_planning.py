@@ -276,6 +276,7 @@ def test_the_usual_plan_takes_less_than_a_minute_of_a_core() -> None:
 
 def test_the_files_say_that_they_are_simulated_and_hold_every_row(plan: Plan, tmp_path: Path) -> None:
     plan.save(tmp_path)
+    assert (tmp_path / "SHA256SUMS").read_text().startswith("# evenlight plan: ")
     with (tmp_path / "plan.csv").open() as stream:
         rows = list(csv.DictReader(stream))
     assert len(rows) == len(plan.rows) == 4

@@ -135,6 +135,7 @@ def test_a_table_gives_the_thresholds_that_its_data_set_gives(
 
 def test_what_is_saved_is_what_optimize_takes(fit: evenlight.RampFit, tmp_path: Path) -> None:
     fit.save(tmp_path)
+    assert (tmp_path / "SHA256SUMS").read_text().startswith("# evenlight fit: ")
     again = evenlight.load_rate_limit(tmp_path / "rate_limit.json")
     assert again.coefficients == fit.rate_limit.coefficients
     assert evenlight.load_rate_limit(tmp_path) == again

@@ -3,6 +3,7 @@
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 from collections.abc import Callable, Iterator
@@ -19,7 +20,14 @@ from evenlight.data_schema.recordings.instrument_logs import ClockPing
 from evenlight.data_schema.recordings.session import EventKind, SessionEvent
 from evenlight.data_schema.storage import whole_files
 from evenlight.data_schema.storage.append_log import AppendedRows, AppendLog, mend_last_line, record_line
-from evenlight.data_schema.storage.result_folders import SUMS, files_in, growing_folder, result_folder
+from evenlight.data_schema.storage.result_folders import (
+    SUMS,
+    Asked,
+    asked_of_command,
+    files_in,
+    growing_folder,
+    result_folder,
+)
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.whole_files import held_place, write_whole
 
@@ -190,6 +198,16 @@ def test_what_no_earlier_result_has_is_not_replaced_but_by_force(
     assert capsys.readouterr().err == f"evenlight: note: {tmp_path / 'out'}: removed {told}\n"
 
 
+def test_a_named_file_does_not_take_the_place_of_a_new_one(tmp_path: Path) -> None:
+    """Loss curves of an earlier version are taken from the folder, and written into it."""
+    put(out := tmp_path / "out", track="old")
+    with asked_of_command(Asked(out, (out / "track",), lambda folder: None)):
+        with pytest.raises(InputError, match="track: a result has its name"):
+            write(out, "2")
+        write(out, "2", force=True)
+    assert texts(out) == {"track": "2", "tables/t": "2"}
+
+
 def test_a_result_of_another_command_is_not_replaced(tmp_path: Path) -> None:
     write(tmp_path / "out", "1")
     with pytest.raises(InputError, match="than a result of `evenlight control`: tables/t, track; "):
@@ -230,9 +248,37 @@ def test_two_programs_do_not_write_one_place(
 def test_a_folder_in_use_is_not_replaced(out: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "here").mkdir()
     monkeypatch.chdir(tmp_path / "here")
-    with pytest.raises(InputError, match="is a folder in use; give the name of one to make"):
-        write(Path(out), "1", force=True)
+    for place in (lambda: result_folder(Path(out), "fit", force=True), lambda: new_dataset(Path(out))):
+        with pytest.raises(InputError, match="is a folder in use; give the name of one to make"), place():
+            pytest.fail("the work was begun")
     assert everything(tmp_path) == {"here": None}
+
+
+def test_a_user_without_a_home_writes_results(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In containers the number of a user may have no name."""
+    monkeypatch.setattr(os.path, "expanduser", lambda path: path)
+    write(tmp_path / "out", "1")
+    assert texts(tmp_path / "out") == {"track": "1", "tables/t": "1"}
+
+
+def test_an_earlier_result_stays_where_neither_it_nor_the_new_one_can_be_put_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write(tmp_path / "out", "1")
+    usual, out = Path.replace, tmp_path / "out"
+
+    def replace(path: Path, target: Path) -> Path:
+        if path.is_dir() and path != out:
+            raise OSError(5, "I/O error")
+        return usual(path, target)
+
+    monkeypatch.setattr(Path, "replace", replace)
+    with pytest.raises(InputError, match="out: I/O error"):
+        write(out, "2")
+    monkeypatch.undo()
+    with pytest.raises(InputError, match="no"):
+        fail_in(out, InputError("no"))
+    assert texts(out) == {"track": "1", "tables/t": "1"}
 
 
 def test_a_link_to_a_folder_stays_one(tmp_path: Path) -> None:
@@ -280,7 +326,9 @@ def test_a_folder_that_grows_holds_results_and_files_about_them(tmp_path: Path) 
             put(tmp_path / "out", report="1")
 
     grow()
+    put(tmp_path / "out" / "below" / ".partial.film", half="of a killed worker")
     grow()
+    shutil.rmtree(tmp_path / "out" / "below")
     put(tmp_path / "out", notes="mine")
     put(tmp_path / "out" / "other", track="mine")
     with pytest.raises(InputError, match="than a result of `evenlight catalogue`: notes, other/track;"):
