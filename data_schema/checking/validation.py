@@ -18,6 +18,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import keys_of
 from evenlight.data_schema.quantities import Array
 from evenlight.data_schema.record_kinds import FileFormat, RecordKind, known_kinds
+from evenlight.data_schema.storage.result_folders import SUMS, changed_in
 from evenlight.data_schema.storage.text_files import parse_json, read_text, read_toml
 from evenlight.data_schema.tracks.brightness_track import DERIVED, TRACK_COLUMNS, BrightnessTrack
 from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE
@@ -98,6 +99,11 @@ def _members(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def _check_member(path: Path) -> CheckedFile:
+    if path.name == SUMS:
+        checked = CheckedFile(path, "sums of a result")
+        for name in changed_in(path.parent):
+            checked.blame(f"{name}: is not as it was when this result was written")
+        return checked
     try:
         kind = _kind_of(path)
     except InputError:

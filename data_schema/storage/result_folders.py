@@ -68,16 +68,16 @@ def result_folder(out: Path, command: str, *, force: bool = False, wait: float =
     _require_apart(out)
     with written_whole(out, wait) as folder:
         before = _others_in(out, command)
-        inputs = [name for name in before if _is_input(out / name, out)]
-        _require_own(out, command, [name for name in before if name not in inputs], force=force)
+        kept = [name for name in before if _is_input(out / name, out)]
+        _require_own(out, command, [name for name in before if name not in kept], force=force)
         folder.mkdir()
         yield folder
         _write_asked(out, folder)
         _write_sums(folder, command)
-        for name in inputs:
+        later = [name for name in _others_in(out, command) if name not in before]
+        for name in (*kept, *later):  # what came meanwhile is not lost either
             _carry_over(out / name, folder / name, force=force)
-        if later := set(_others_in(out, command)) - set(before):
-            raise InputError(f"{out}: {_listed(sorted(later))} came there meanwhile; give another folder")
+        _tell_removed(out, [name for name in before if name not in kept])
 
 
 @contextmanager
@@ -97,6 +97,7 @@ def growing_folder(out: Path, command: str, files: Collection[str], *, force: bo
         _require_own(out, command, others, force=force)
         for name in others:
             (out / name).unlink(missing_ok=True)
+        _tell_removed(out, others)
         make_folder(out)
         _write_sums(out, command, names=())
         yield
@@ -188,6 +189,9 @@ def _require_own(out: Path, command: str, others: list[str], *, force: bool) -> 
             f"{out}: holds other things than a result of `evenlight {command}`: {_listed(others)}; what is "
             "new or changed there would be lost: give another folder, or `force` to remove it",
         )
+
+
+def _tell_removed(out: Path, others: list[str]) -> None:
     if others:
         print(f"evenlight: note: {out}: removed {_listed(others)}", file=sys.stderr)
 
@@ -223,13 +227,23 @@ def _others_beside(out: Path, command: str, files: Collection[str]) -> list[str]
     return [name for name in done if name not in (*own, SUMS)]
 
 
-def _sums_of(folder: Path, command: str) -> dict[str, str] | None:
+def changed_in(folder: Path) -> list[str]:
+    """Return the files of a result that are others than when it was written; one may have been removed."""
+    known = _sums_of(folder) or {}
+    return [
+        name
+        for name, sum_ in known.items()
+        if (folder / name).is_file() and sha256_of_file(folder / name) != sum_
+    ]
+
+
+def _sums_of(folder: Path, command: str = "") -> dict[str, str] | None:
     """Return the files of a result with their SHA-256; None if there is no result of the command."""
     if not (folder / SUMS).is_file():
         return None
     with open_input(folder / SUMS, "the files of a result") as stream:
         first, *lines = stream.read().decode(errors="surrogateescape").split("\n")
-    if not first.startswith(f"{_MADE_BY}{command}:"):
+    if not first.startswith(f"{_MADE_BY}{command}" + ":" * bool(command)):
         return None
     return {_plain(line): line.removeprefix("\\")[:64] for line in lines if line}
 

@@ -85,7 +85,7 @@ def make_inputs(folder: Path) -> Path:
         "ramp": SMALL,
         "rating": RatingDesign(sequences=("a", "b")),
         "comparison": ComparisonDesign(sequences=("a", "b")),
-        "search": SearchDesign(sequences=("library",)),
+        "search": SearchDesign(sequences=("library",), keypoints=("library/stacks",), practice_trials=1),
     }
     for task, design in designs.items():
         write_toml_record(folder / f"{task}.design.toml", design)
@@ -196,8 +196,10 @@ def problem_of(case: Case, before: Path, after: Path, at: Path, kind: str, numbe
     if code != -signal.SIGKILL:
         return f"ended with {code}: {said}"
     seen = {name: text for name, text in tree(at).items() if not _is_on_the_way(name)}
-    gone = {name: text for name, text in tree(before).items() if not name.startswith("out")}
-    if not case.grows and seen not in (tree(before), tree(after), gone):  # gone: between two renames
+    whole = [tree(before), tree(after)]
+    if (before / "out").is_dir():  # gone between two renames
+        whole.append({name: text for name, text in whole[0].items() if not name.startswith("out/")})
+    if not case.grows and seen not in whole:
         return f"half: {differing(seen, tree(after))}"
     code, said = ended(at, case.words)
     if code == 2 and "go on with it with --resume" in said:
@@ -253,7 +255,12 @@ def kill(inputs: Path, name: str, *, everywhere: bool) -> list[str]:
                 problems.append(f"{name}: {kind} {number} of {count}: {problem}")
             shutil.rmtree(again)
     kills = sum(steps.values()) if everywhere else 1
-    print(f"{name}: {kills} kills ({', '.join(f'{n} {k}' for k, n in steps.items())} steps)", flush=True)
+    print(
+        f"{name}: {kills} kills ({', '.join(f'{n} {k}' for k, n in steps.items())} steps)",
+        *problems,
+        sep="\n",
+    )
+    sys.stdout.flush()
     return problems
 
 
@@ -270,5 +277,4 @@ if __name__ == "__main__":
     wrong: list[str] = []
     for asked in sys.argv[2:] or CASES:
         wrong += kill(made, asked.removeprefix("last:"), everywhere=not asked.startswith("last:"))
-    print("\n".join(wrong))
     sys.exit(bool(wrong))

@@ -14,6 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_writing import new_dataset
 from evenlight.data_schema.recordings.instrument_logs import ClockPing
@@ -214,14 +215,23 @@ def test_a_result_of_another_command_is_not_replaced(tmp_path: Path) -> None:
         write(tmp_path / "out", "2", command="control")
 
 
-def test_what_comes_while_the_work_is_done_is_not_replaced(tmp_path: Path) -> None:
+def test_what_comes_while_the_work_is_done_stays(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    write(out, "1")
+    with result_folder(out, "optimize") as folder:
+        put(folder, track="2")
+        put(out, notes="mine")
+    assert texts(out) == {"track": "2", "notes": "mine"}
+    with pytest.raises(InputError, match="notes; "):
+        write(out, "3")
+
+
+def test_validate_tells_a_file_of_a_result_that_was_changed(tmp_path: Path) -> None:
     write(tmp_path / "out", "1")
-    with (
-        pytest.raises(InputError, match="notes came there meanwhile"),
-        result_folder(tmp_path / "out", "optimize"),
-    ):
-        put(tmp_path / "out", notes="mine")
-    assert texts(tmp_path / "out") == {"track": "1", "tables/t": "1", "notes": "mine"}
+    assert [one.problems for one in validate(tmp_path / "out") if one.path.name == SUMS] == [[]]
+    put(tmp_path / "out" / "tables", t="2")
+    [problem] = next(one.problems for one in validate(tmp_path / "out") if one.path.name == SUMS)
+    assert problem == f"{tmp_path}/out/SHA256SUMS: tables/t: is not as it was when this result was written"
 
 
 def test_files_that_desktops_leave_in_any_folder_count_as_nothing(tmp_path: Path) -> None:
