@@ -7,7 +7,6 @@ nor their order changes a result. Workers must have this software: each task loo
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import importlib
 import logging
@@ -296,6 +295,8 @@ def _connected(name: str, distributed: Any, stack: ExitStack) -> Client:
 
 def _require_answer(address: str, distributed: Any) -> None:
     """Raise an error if no Dask listens at an address; its client would try for long, and never let go."""
+    import asyncio  # slow to import, and no command needs it to show its help
+
     parts = urlsplit(address)
     if parts.hostname is None or parts.port is None:
         raise ValueError("expected tcp://HOST:PORT")

@@ -271,6 +271,9 @@ if __name__ == "__main__":
         importlib.import_module(imported)
     from matplotlib.figure import Figure
 
+    from evenlight.data_schema import provenance
+
+    provenance._source_revision = lambda: "unknown"  # type: ignore[assignment] # of a tree that may change meanwhile
     drawn = Figure.savefig
     Figure.savefig = lambda *given, **more: drawn(*given, **more | {"dpi": 20})  # type: ignore[method-assign]
     made = make_inputs(Path(sys.argv[1]) / "inputs")
