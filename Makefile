@@ -30,7 +30,7 @@ test: .venv/.test-ready
 # Six tests of ten, in a minute: after each edit. Without what is slow (tests/conftest.py says what); it needs no
 # `make lab`. A test that is named at the end took long: mark it `slow`.
 test-fast: .venv/.dev-ready
-	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 2 --durations 10 --durations-min 1 -m "not slow and not real_time and not every_page and not every_kill and not study and not odd_films"
+	PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -n 3 --durations 10 --durations-min 1 -m "not slow and not real_time and not every_page and not every_kill and not study and not odd_films"
 
 # Every command of every page and help; `make test` runs those of the README and of the first hour, and parses all.
 test-docs: .venv/.test-ready

@@ -47,6 +47,7 @@ def test_an_option_in_an_error_is_found() -> None:
     assert told == (1, ": give it with --rate-limit, ")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("given", "told"),
     [
