@@ -6,6 +6,7 @@ before its name at its last rename only. It says how often, and ends with 1 if a
 
 from __future__ import annotations
 
+import csv
 import importlib
 import json
 import os
@@ -177,9 +178,11 @@ def tree(folder: Path) -> dict[str, str]:
     found = {}
     times = r'"?(solve_s|curves_s|bound_s|started|utc|seconds|video_state)"?[:=] ?("[^"]*"|[^,}\n]*)'
     for path in sorted(path for path in folder.rglob("*") if path.is_file()):
-        text = path.read_bytes().decode("latin-1")
+        text = path.read_bytes().decode("latin-1").replace(str(folder), "")
         if path.suffix in (".json", ".csv", ".toml", ".html", "") or path.name == "SHA256SUMS":
-            text = re.sub(rf"{times}|[0-9a-f]{{64}}|\d+\.\d{{4,}},(?=\r?\n)", "", text)
+            text = re.sub(rf"{times}|[0-9a-f]{{64}}|tcp://[\d.:]+|took the workers [\d.]+", "", text)
+        if path.name == "catalogue.csv":
+            text = str([{**row, "seconds": ""} for row in csv.DictReader(text.splitlines())])
         found[path.relative_to(folder).as_posix()] = text
     return found
 
