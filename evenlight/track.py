@@ -160,7 +160,7 @@ class Track(Result):
         write_png(folder / FIGURE, self.figures["track"])
 
     @property
-    def made_by(self) -> str:  # type: ignore[override]
+    def made_by(self) -> str:  # type: ignore[override] # one for all of the others
         """Whose results its files are."""
         return "optimize" if self.outcome.control is None else "control"
 

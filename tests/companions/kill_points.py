@@ -169,7 +169,7 @@ def _killed_at(kind: str, number: int) -> Callable[[], int]:
     elif kind == "fsync":
         os.fsync = counted(os.fsync)
     elif kind == "half":
-        os.write = halved  # type: ignore[assignment]
+        os.write = halved  # type: ignore[assignment] # of bytes, as all here write
     return lambda: done
 
 
