@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -119,6 +119,7 @@ class MeasuredSaving(Result):
         Powers, saving, passes and notes.
     """
 
+    made_by: ClassVar = "measure saving"
     saving: DeviceSaving
 
     @property

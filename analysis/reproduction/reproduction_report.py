@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -79,6 +79,7 @@ class ReproductionResult(Result):
         Of every number.
     """
 
+    made_by: ClassVar = "reproduce"
     made: Reproduction
     parts: tuple[Analysis, ...]
     report: Report
