@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import enum
 import functools
-import re
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import require_seed
+from evenlight.data_schema.recordings.participant_ids import ID_RULE, is_participant_id
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
 from evenlight.option_panels import QuietOption, asked, expert, output, words_and_files
 
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from evenlight.experiments.sweeps.run_sweep import SweepRequest
 
 SWEEPS = ("luminance-sweep", "power-sweep")
-ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 
 rehearsal = functools.partial(typer.Option, rich_help_panel="Rehearsal")
@@ -113,10 +112,8 @@ def run(
     if participant is None and task not in SWEEPS:
         raise InputError(f"--participant is missing: the task {task} is a session with one, such as 01")
     for option, value in (("--participant", participant), ("--session", session)):
-        if value is not None and not ID.fullmatch(value):
-            raise InputError(
-                f"{option} must be letters and digits, a digit among them, such as 01, got {value!r}"
-            )
+        if value is not None and not is_participant_id(value):
+            raise InputError(f"{option} must be {ID_RULE}, got {value!r}")
     if seed is not None:
         require_seed(seed)
     if simulate is not Rehearsal.VISUAL and real_time:

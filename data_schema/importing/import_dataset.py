@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.checking.dataset_checks import personal_columns
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.importing.import_mapping import ImportMapping, ImportRequest
-from evenlight.data_schema.importing.imported_trials import imported_trials, wanted_rows
+from evenlight.data_schema.importing.imported_trials import coded, imported_trials, wanted_rows
 from evenlight.data_schema.importing.source_cells import TRUTHS, taken_columns
 from evenlight.data_schema.importing.source_tables import SourceTable, read_sources
 from evenlight.data_schema.provenance import provenance_now, sha256_of_file
@@ -23,6 +24,7 @@ from evenlight.data_schema.recordings.dataset_writing import (
 )
 from evenlight.data_schema.recordings.roll_call import SessionUse, call_roll
 from evenlight.data_schema.recordings.session import TASKS, ImportSource, SessionManifest, SessionStatus
+from evenlight.data_schema.storage.tables import csv_text
 
 
 def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
@@ -44,7 +46,13 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
         )
     adopted = not request.simulated and _simulated(table, taken)
     request = dataclasses.replace(request, simulated=request.simulated or adopted)
-    rows, told = imported_trials(table, taken, request)
+    rows, told, ids = imported_trials(table, taken, request)
+    key_file = dataset.with_name(f"{dataset.name}.key.csv") if coded(ids) else None
+    if key_file:
+        told.append(
+            f"participant_id: codes {min(ids.values())} to {max(ids.values())}, as not all ids are letters "
+            f"and digits, and may be names; {key_file} says whose they are: keep it apart from the data"
+        )
     told += ["simulated: all rows say so"] if adopted else []
     trials = [trial for _, trial in rows]
     sessions: dict[tuple[str, str], list[Any]] = {}
@@ -61,7 +69,8 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
         path: _source(path, f"file {number} of {len(request.paths)}", table, taken)
         for number, path in enumerate(request.paths, start=1)
     }
-    _write(request, dataset, {key: sources[path] for key, path in files.items()}, sessions)
+    with new_dataset(dataset) as staging, _new_key(key_file, ids):
+        _write(request, staging, {key: sources[path] for key, path in files.items()}, sessions)
     people = len({participant for participant, _ in sessions})
     counts = {"participant": people, "session": len(sessions), "trial": len(trials)}
     words = [f"{number} {what}{'s' * (number != 1)}" for what, number in counts.items()]
@@ -78,42 +87,64 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
 
 def _write(
     request: ImportRequest,
-    dataset: Path,
+    staging: Path,
     sources: dict[tuple[str, str], ImportSource],
     sessions: dict[tuple[str, str], list[Any]],
 ) -> None:
     files = {source.file: source.sha256 for source in sources.values()}
     provenance = provenance_now(inputs=files)
     people = list(dict.fromkeys(participant for participant, _ in sessions))
-    with new_dataset(dataset) as staging:
-        number = len(request.paths)
-        kind = next(iter(sources.values())).file_format
-        names = f"{number} file{'s' * (number != 1)} ({kind})"  # without their names, which may be people's
-        origin = f"imported from {names} into Evenlight"
-        write_description(staging, f"{request.task} trials of {names}", request.simulated, provenance, origin)
-        write_participants(staging, people, request.simulated)
-        for (participant, session), trials in sessions.items():
-            source = sources[participant, session]
-            manifest = SessionManifest(
-                participant_id=participant,
-                session_id=session,
-                task=request.task,
-                simulated=request.simulated,
-                status=SessionStatus.IMPORTED,
-                n_trials=sum(trial.usable for trial in trials),
-                display=request.display,
-                design=None,
-                provenance=dataclasses.replace(provenance, inputs={source.file: source.sha256}),
-                order_index=people.index(participant),
-                source=source,
+    number = len(request.paths)
+    kind = next(iter(sources.values())).file_format
+    names = f"{number} file{'s' * (number != 1)} ({kind})"  # without their names, which may be people's
+    origin = f"imported from {names} into Evenlight"
+    write_description(staging, f"{request.task} trials of {names}", request.simulated, provenance, origin)
+    write_participants(staging, people, request.simulated)
+    for (participant, session), trials in sessions.items():
+        source = sources[participant, session]
+        manifest = SessionManifest(
+            participant_id=participant,
+            session_id=session,
+            task=request.task,
+            simulated=request.simulated,
+            status=SessionStatus.IMPORTED,
+            n_trials=sum(trial.usable for trial in trials),
+            display=request.display,
+            design=None,
+            provenance=dataclasses.replace(provenance, inputs={source.file: source.sha256}),
+            order_index=people.index(participant),
+            source=source,
+        )
+        write_session(staging, manifest, sorted(trials, key=lambda trial: trial.trial_index))
+    for entry in call_roll(staging).sessions:
+        if entry.use is SessionUse.WRONG:
+            raise InputError(
+                f"{request.paths[0]}: participant {entry.participant_id}, session {entry.session_id}: "
+                f"{entry.why}; take one of them out"
             )
-            write_session(staging, manifest, sorted(trials, key=lambda trial: trial.trial_index))
-        for entry in call_roll(staging).sessions:
-            if entry.use is SessionUse.WRONG:
-                raise InputError(
-                    f"{request.paths[0]}: participant {entry.participant_id}, session {entry.session_id}: "
-                    f"{entry.why}; take one of them out"
-                )
+
+
+@contextmanager
+def _new_key(path: Path | None, ids: dict[str, str]) -> Iterator[None]:
+    """Write whose codes they are, for its owner alone; it goes again if the block fails."""
+    if path is None:
+        yield
+        return
+    text = csv_text(("participant_id", "source_id"), ((code, text) for text, code in ids.items()))
+    try:
+        with path.open("x", encoding="utf-8", newline="\n") as file:
+            path.chmod(0o600)
+            file.write(text)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the key of the participants' codes cannot be written ({error.strerror}); a key that is "
+            "there is never overwritten: move it, or give another folder as `out`"
+        ) from None
+    try:
+        yield
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise
 
 
 def _simulated(table: SourceTable, taken: ImportMapping) -> bool:
@@ -131,7 +162,8 @@ def _simulated(table: SourceTable, taken: ImportMapping) -> bool:
 
 def _source(path: Path, name: str, table: SourceTable, taken: ImportMapping) -> ImportSource:
     values: dict[str, str] = {}
-    for ours, meanings in taken.values.items():
+    private: dict[str, dict[str, str]] = {"participant_id": {}}  # whose values may be names
+    for ours, meanings in (taken.values | private).items():
         for theirs, value in meanings.items():
             key = f"{ours}:{value}"
             values[key] = f"{values[key]}, {theirs}" if key in values else theirs
@@ -142,7 +174,7 @@ def _source(path: Path, name: str, table: SourceTable, taken: ImportMapping) -> 
         columns=taken.columns | taken.wide,
         units=taken.units,
         values=values,
-        constants=taken.constants,
+        constants={ours: text for ours, text in taken.constants.items() if ours not in private},
     )
 
 

@@ -6,6 +6,7 @@ import dataclasses
 import itertools
 import re
 import statistics
+import unicodedata
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -19,13 +20,13 @@ from evenlight.data_schema.importing.source_cells import CellReader, Cells, rows
 from evenlight.data_schema.importing.source_tables import Row, SourceTable
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.recordings.participant_ids import participant_codes, participant_id_in
 from evenlight.data_schema.recordings.session import TASKS
+from evenlight.data_schema.recordings.viewing import name_in
 
 MOST_SHOWN = 8  # lines that are listed
 COPIED_RAMPS = 10  # rows in the same order that agree in every cell by no chance (choice)
-PERSONAL_ID = re.compile(
-    r"\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4}|[A-Z][a-z]+,? [A-Z][a-z]+"
-)
+_DATE = re.compile(r"\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4}")
 ONLY_SESSION = "01"  # of rows that name none
 SESSION = ("participant_id", "session_id")
 # A row in which all of these are empty is no trial.
@@ -60,8 +61,10 @@ class _Rows:
 
 def imported_trials(
     table: SourceTable, taken: ImportMapping, request: ImportRequest
-) -> tuple[list[tuple[Row, Any]], list[str]]:
-    """Return the trials of a table, each with its row, and what is to be said of the rows.
+) -> tuple[list[tuple[Row, Any]], list[str], dict[str, str]]:
+    """Return the trials of a table, each with its row; what is to be said of the rows; participants' ids.
+
+    The ids are by the texts that stand for them; those of participants who may be named there are codes.
 
     Raises
     ------
@@ -86,7 +89,11 @@ def imported_trials(
     kept_rows = [(line, reader.values(own, line)) for line, own in itertools.compress(cells, answered)]
     own_rows = _Rows(table, taken, kept_rows)
     _require_values(own_rows, task)
-    told = [f"  {words}" for words in (*_identity(own_rows), *_of_task(own_rows, task, request.display))]
+    ids = _renamed(own_rows, "participant_id")
+    who = [] if coded(ids) else _changed("participant_id", ids)
+    told = [
+        f"  {words}" for words in (*who, *_identity(own_rows), *_of_task(own_rows, task, request.display))
+    ]
     told += ["numbers have decimal commas"] if reader.decimal_commas else []
     if len(wanted) < len(table.rows):
         told.append(f"left out by --only: {len(table.rows) - len(wanted)} of {len(table.rows)} rows")
@@ -103,7 +110,12 @@ def imported_trials(
     for line, values in own_rows.rows:
         plain = {keys[name]: value for name, value in values.items()} | {"simulated": request.simulated}
         trials.append((line, record_from_mapping(record, plain, table.place(line))))
-    return trials, told
+    return trials, told, ids
+
+
+def coded(ids: dict[str, str]) -> bool:
+    """Return whether the ids of some participants are codes that were given to them."""
+    return any(participant_id_in(text) is None for text in ids)
 
 
 def _require_occurring(table: SourceTable, taken: ImportMapping, cells: list[tuple[Row, Cells]]) -> None:
@@ -181,22 +193,20 @@ def _require_values(own: _Rows, task: str) -> None:
 
 
 def _identity(own: _Rows) -> Iterator[str]:
-    yield from _make_names(own, "participant_id")
-    if "session_id" in own.taken.given:
-        yield from _make_names(own, "session_id")
-    else:
+    if "session_id" not in own.taken.given:
         yield f"session_id: {ONLY_SESSION}, as none is named"
-    if "sequence" in own.taken.given:
-        yield from _make_names(own, "sequence")
+    for name in ("session_id", "sequence"):
+        if name in own.taken.given:
+            yield from _changed(name, _renamed(own, name))
     numbered = "trial_index" in own.taken.given
     if not numbered:
         yield "trial_index: the order of rows"
-    counts: dict[tuple[str, str], int] = {}
+    counts: Counter[tuple[str, str]] = Counter()
     for _, values in own.rows:
         values["session_id"] = values["session_id"] or ONLY_SESSION
         session = (values["participant_id"], values["session_id"])
-        counts[session] = counts.get(session, -1) + 1
         values["trial_index"] = values["trial_index"] if numbered else counts[session]
+        counts[session] += 1
     _require_different(
         own,
         (*SESSION, "trial_index"),
@@ -205,37 +215,43 @@ def _identity(own: _Rows) -> Iterator[str]:
     )
 
 
-def _make_names(own: _Rows, name: str) -> list[str]:
-    """Reduce texts to names, and say which changed; refuse two that differ in zeros or capitals only."""
-    is_sequence = name == "sequence"
+def _renamed(own: _Rows, name: str) -> dict[str, str]:
+    """Give all rows names fit for files, and return them by the texts; refuse two that are nearly one."""
     first: dict[str, tuple[str, Row]] = {}
-    changed: dict[str, str] = {}
     for line, values in own.rows:
         text = values[name] or ""
-        whole = re.fullmatch(r"(\d+)\.0+", text)  # as tables with gaps write whole numbers
-        fit = (
-            re.sub("[^0-9A-Za-z_-]+", "_", text).strip("_-")
-            if is_sequence
-            else re.sub("[^0-9A-Za-z]", "", whole[1] if whole else text.removeprefix("sub-"))
-        )
-        where = own.where(line, name)
-        if name == "participant_id" and PERSONAL_ID.fullmatch(text):
-            raise InputError(f"{where}: {text!r} looks like a name or a date; expected a code such as P01")
-        if not fit or "@" in text:
+        where, plain = own.where(line, name), unicodedata.normalize("NFKC", text)
+        if name == "participant_id" and _DATE.fullmatch(plain):
+            raise InputError(f"{where}: {text!r} looks like a date; expected a code such as P01")
+        if not re.search(r"[^\W_]", plain) or "@" in plain:
             raise InputError(f"{where}: expected a code of letters and digits as {name}, got {text!r}")
-        key = fit.lower() if is_sequence else fit.lower().lstrip("0")
-        other, before = first.setdefault(key, (text, line))
+        alike = re.sub(r"[\W_]+", "_" if name == "sequence" else "", plain).casefold().strip("_")
+        other, before = first.setdefault(alike if name == "sequence" else alike.lstrip("0"), (text, line))
         if other != text:
             raise InputError(
                 f"{where}: {text!r}, and {other!r} of {own.table.counted} {before.beside(line)}, would be "
                 f"one {name}; write them alike if they are, else so that letters or digits differ"
             )
-        values[name] = fit
-        if fit != text:
-            changed[text] = fit
-    return (
-        [f"{name}: {first_few([f'{fit} for {text!r}' for text, fit in changed.items()])}"] if changed else []
-    )
+    texts = [text for text, _ in first.values()]
+    fit = dict(zip(texts, _fit_names(texts, name), strict=True))
+    for _, values in own.rows:
+        values[name] = fit.get(values[name], values[name])
+    return fit
+
+
+def _fit_names(texts: list[str], name: str) -> list[str]:
+    if name == "sequence":
+        return [name_in(text) for text in texts]
+    plain = [participant_id_in(text) for text in texts]
+    if name == "session_id":  # nobody's name: one without a digit, such as "pre", stays
+        plain = [re.sub("[^0-9A-Za-z]", "", each) if each.isascii() else None for each in texts]
+    ids = [each for each in plain if each]
+    return ids if len(ids) == len(texts) else participant_codes(len(texts), "P" * (name == "participant_id"))
+
+
+def _changed(name: str, fit: dict[str, str]) -> list[str]:
+    changed = [f"{new} for {text!r}" for text, new in fit.items() if new != text]
+    return [f"{name}: {first_few(changed)}"] if changed else []
 
 
 def _require_different(own: _Rows, names: tuple[str, ...], advice: str = "") -> None:

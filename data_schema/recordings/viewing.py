@@ -4,13 +4,26 @@ from __future__ import annotations
 
 import enum
 import itertools
+import re
+import unicodedata
 
 from evenlight.data_schema.quantities import as_in, count, described, one_line, quantity, record, share
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response, Trial, TrialFlag
 
-NAME = "^[A-Za-z0-9][A-Za-z0-9_-]*$"
+# Letters of all scripts, by ranges that ECMA's expressions, of JSON Schema, know as Python's do.
+LETTERS = r"0-9A-Za-z\u00c0-\u1fff\u2c00-\u2dff\u3005-\ud7ff"
+NAME = f"^[{LETTERS}][{LETTERS}_-]*$"
 PAPER_SEQUENCES = ("library", "gym", "living_room", "basement")
 LOWEST_RATING, HIGHEST_RATING = 1, 5
+
+
+def name_in(text: str) -> str:
+    """Return the name that a text makes: its letters and digits, and _ for what is between them.
+
+    >>> name_in("Küche (abends)")
+    'Küche_abends'
+    """
+    return re.sub(f"[^{LETTERS}_-]+", "_", unicodedata.normalize("NFC", text)).strip("_-")
 
 
 class Version(enum.Enum):

@@ -1,6 +1,10 @@
 """What `evenlight import` refuses in one line, and a data set of several files."""
 
+import csv
+import itertools
 import json
+import os
+import shutil
 
 import pytest
 from foreign_tables import RAMP_OPTIONS, RAMPS, RATINGS, SEARCH_OPTIONS, SEARCHES, refusal
@@ -38,7 +42,7 @@ def said(importing, tmp_path, text, task, options) -> str:
         (RATINGS.replace(",4", ",good"), (), ", line 2, column 'rating': expected a number, got 'good'"),
         (RATINGS.replace(",4", ",").replace(",3", ","), (), ": none of 2 rows has an answer in 'rating'"),
         (RATINGS + "a,gym,ours,4\n", (),
-         ', line 4: participant_id a, session_id 01, sequence gym, version ours is there already, '
+         ', line 4: participant_id P01, session_id 01, sequence gym, version ours is there already, '
          'in line 2; if it is a repetition, name the column that counts them (--column '
          'repetition=THEIRS) or the order of trials (--column trial_index=THEIRS), else take it out'),
         (RATINGS + "A-,gym,ours,4\n", (),
@@ -135,7 +139,7 @@ def rated(tmp_path, command):
     return run
 
 
-def trials(tmp_path, who="a"):
+def trials(tmp_path, who="P01"):
     text = (tmp_path / "lab" / f"sub-{who}" / "ses-01" / "trials.jsonl").read_text()
     return [json.loads(line) for line in text.splitlines()]
 
@@ -157,7 +161,7 @@ def test_a_further_answer_is_numbered_only_where_most_was_answered_several_times
 def test_a_participant_copied_under_another_name_is_refused(rated, tmp_path) -> None:
     outcome = rated(HEADER + ROWS + ROWS.replace("a,", "b,"))
     assert outcome.code == 2
-    assert "participant b, session 01: its trials are those of sub-a/ses-01" in outcome.err
+    assert "participant P02, session 01: its trials are those of sub-P01/ses-01" in outcome.err
     assert not (tmp_path / "lab").exists()
 
 
@@ -183,11 +187,61 @@ def test_a_wide_column_of_an_unknown_version_is_refused(rated) -> None:
     assert rated(text, *options, "--value", "version:baseline=const").code == 0
 
 
-@pytest.mark.parametrize("name", ["1990-01-01", "Anna Meier"])
-def test_an_identifier_like_a_name_or_a_date_is_refused(rated, name) -> None:
-    outcome = rated(HEADER + ROWS.replace("a,", f"{name},"))
+def test_a_date_is_no_identifier(rated) -> None:
+    outcome = rated(HEADER + ROWS.replace("a,", "1990-01-01,"))
     assert outcome.code == 2
-    assert "looks like a name or a date" in outcome.err
+    assert "looks like a date" in outcome.err
+
+
+NAMES = ["Anna", "Müller 3", "O'Brien", "José García", "日本1", "Jose\u0301", "01"]
+
+
+def test_names_become_codes_whose_key_lies_beside_the_data_set_alone(rated, tmp_path, command) -> None:
+    """One of all ids without a digit, or with other letters, is enough; the order is that of the rows."""
+    rows = [f"{who},{n},gym,{version},4,{n}.5\n"
+            for n, (who, version) in enumerate(itertools.product(NAMES, ("ours", "baseline")))]  # fmt: skip
+    outcome = rated(HEADER + "".join(rows))
+    assert outcome.code == 0, outcome.err
+    key, out = tmp_path / "lab.key.csv", tmp_path / "lab"
+    found = list(csv.reader(key.read_text(encoding="utf-8").splitlines()))
+    assert found == [["participant_id", "source_id"], *([f"P{n:02d}", who] for n, who in enumerate(NAMES, 1))]
+    assert os.name == "nt" or key.stat().st_mode & 0o777 == 0o600
+    assert str(key) in outcome.out
+    held = "\n".join(
+        [*map(str, out.rglob("*")), *(p.read_text("utf-8") for p in out.rglob("*") if p.is_file())]
+    )
+    assert not [who for who in NAMES[:-1] if who in held]
+    assert {folder.name for folder in out.glob("sub-*")} == {f"sub-P{n:02d}" for n in range(1, 8)}
+    shutil.rmtree(out)
+    again = rated(HEADER + "".join(rows))
+    assert again.code == 2
+    assert "a key that is there is never overwritten" in again.err
+    assert not out.exists()
+
+
+def test_a_name_given_by_an_option_is_not_in_the_manifest(rated, tmp_path) -> None:
+    rows = ROWS.replace("a,", ",")
+    assert rated(HEADER + rows, "--column", "participant_id=", "--constant", "participant_id=Anna").code == 0
+    assert not [p for p in (tmp_path / "lab").rglob("*") if p.is_file() and "Anna" in p.read_text()]
+    assert "P01,Anna" in (tmp_path / "lab.key.csv").read_text()
+
+
+def test_sequences_keep_their_letters(rated, tmp_path, command) -> None:
+    named = {"gym": "Ku\u0308che (abends)", "hall": "図書館"}
+    outcome = rated(HEADER + ROWS.replace("gym", named["gym"]).replace("hall", named["hall"]))
+    assert outcome.code == 0, outcome.err
+    assert [trial["sequence"] for trial in trials(tmp_path)] == ["Küche_abends"] * 2 + ["図書館"] * 2
+    assert command("validate", tmp_path / "lab").code == 0
+    report = command("analyze", tmp_path / "lab", "--out", tmp_path / "report")
+    assert report.code == 0, report.err
+    assert "Küche abends" in (tmp_path / "report/report.html").read_text(encoding="utf-8")
+
+
+def test_a_session_keeps_its_name_or_gets_a_number(rated, tmp_path) -> None:
+    text = HEADER.replace("\n", ",session\n") + "".join(f"{r},früh\n" for r in ROWS.splitlines())
+    outcome = rated(text)
+    assert outcome.code == 0, outcome.err
+    assert "session_id: 01 for 'früh'" in outcome.out
 
 
 def test_no_file_name_is_in_the_data_set(tmp_path, command) -> None:

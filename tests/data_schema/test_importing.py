@@ -265,9 +265,9 @@ def test_a_wide_list_may_lack_answers(importing) -> None:
     people = [{"subject": "a", "gym_ours": 4, "gym_baseline": 3}, {"subject": "b", "gym_ours": 2}]
     outcome, trials = importing(json.dumps(people), "rating", "--wide", "rating={sequence}_{version}")
     assert [(t["participant_id"], t["version"], t["rating"]) for t in trials] == [
-        ("a", "ours", 4),
-        ("a", "baseline", 3),
-        ("b", "ours", 2),
+        ("P01", "ours", 4),
+        ("P01", "baseline", 3),
+        ("P02", "ours", 2),
     ]
     assert "skipped 1 row without a rating (trial 2)" in outcome.out
 
