@@ -223,14 +223,18 @@ def _analysed(
         data = load_task(dataset, task, TASKS[task].trial, roll)
         assumed = assumed_effects_in(dataset) if data.simulated else ()
         return with_assumed(task_findings(data, options), assumed), data
-    from evenlight.analysis.calibration.calibration import calibrate
-    from evenlight.analysis.calibration.fit_report import write_calibration
-    from evenlight.analysis.calibration.ramp_findings import ramp_findings
+    from evenlight.analysis.calibration.calibration import NoRateLimitError, calibrate
+    from evenlight.analysis.calibration.fit_report import write_calibration, write_thresholds
+    from evenlight.analysis.calibration.ramp_findings import findings_without_limit, ramp_findings
     from evenlight.analysis.ramp_loading import load_ramp_data
     from evenlight.data_schema.provenance import provenance_now
 
     ramps = load_ramp_data(dataset, roll)
-    calibration = calibrate(ramps)
+    try:
+        calibration = calibrate(ramps)
+    except NoRateLimitError as refused:
+        write_thresholds(refused.fits, folder)
+        return findings_without_limit(refused), ramps
     write_calibration(calibration, folder, provenance_now(inputs={"dataset": ramps.sha256}))
     return ramp_findings(calibration, options.compared), ramps
 

@@ -70,14 +70,14 @@ def fit(
 
     The rate limit goes to `evenlight optimize --rate-limit`. Measured power is analysed, too.
     """
-    from evenlight.analysis.calibration.calibration import calibrate
-    from evenlight.analysis.calibration.fit_report import write_fit
+    from evenlight.analysis.calibration.calibration import NoRateLimitError, calibrate
+    from evenlight.analysis.calibration.fit_report import write_fit, write_without_limit
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
     from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.analysis.sweeps.sweep_loading import newest_sweeps
     from evenlight.analysis.sweeps.sweep_report import write_chosen_sweeps
-    from evenlight.data_schema.errors import ArgumentError
+    from evenlight.data_schema.errors import ArgumentError, InputError
     from evenlight.data_schema.provenance import provenance_now
     from evenlight.data_schema.recordings.dataset_layout import POWER_LOG, require_apart
     from evenlight.data_schema.storage.result_folders import result_folder
@@ -109,11 +109,15 @@ def fit(
         data = load_ramp_data(dataset, roll)
         roll = data.roll or roll
     with result_folder(out, "fit", force=force) as folder, shown_progress(quiet) as progress:
-        results = None
+        results = refused = None
         if data:
             progress.step("fitting thresholds and curve")
-            calibration = calibrate(data, options, progress.at)
-            results = write_fit(calibration, folder, provenance_now(inputs={"dataset": data.sha256}))
+            origin = provenance_now(inputs={"dataset": data.sha256})
+            try:
+                results = write_fit(calibrate(data, options, progress.at), folder, origin)
+            except NoRateLimitError as error:
+                write_without_limit(error, folder, origin)
+                refused = error
         told, doubts = write_chosen_sweeps(sweeps, folder, needed=data is None)
     warnings = (*(results.warnings if results else ()), *doubts)
     for warning in (*warnings, *roll.warnings):
@@ -123,3 +127,5 @@ def fit(
             typer.echo(f"{results.summary()}\n{out / 'report.html'} has the details")
         if sweeps:
             typer.echo("\n".join((*told, f"the files of sweeps are in {out}")))
+    if refused:
+        raise InputError(f"{refused}; {out / 'report.html'} has the answers and thresholds")

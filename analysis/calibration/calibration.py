@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
+from typing import Any
 
 from evenlight.analysis.calibration.level_estimates import LevelEstimates, estimate_levels
 from evenlight.analysis.calibration.limit_models import Answers, LimitModels, fit_models
@@ -42,18 +43,16 @@ class ParticipantSummary:
     drift_p: float | None  # how probable as clear a drift is by chance
 
 
-@dataclass(frozen=True, slots=True)
-class Calibration:
-    """Everything that the trials say: what the files and figures are made from.
+@dataclass(frozen=True, slots=True, repr=False)
+class ThresholdFits:
+    """What the trials say without a curve: all that is left where no rate limit can be had.
 
     Attributes
     ----------
-    data, thresholds, models : RampData, tuple of ThresholdFit, LimitModels
-        The trials; a threshold per participant and level; the population's curve by each model.
+    data, thresholds : RampData, tuple of ThresholdFit
+        The trials; a threshold per participant and level.
     criteria : dict of str to Criterion
         How readily each participant says "yes"; without those who had no catch trials.
-    levels : tuple of LevelEstimates
-        The population's threshold at each level, estimated in three ways.
     interval_biases : dict of str to IntervalBias
         How each participant leans to one of two intervals; empty in yes/no.
     procedure : Procedure
@@ -65,25 +64,58 @@ class Calibration:
     data: RampData
     thresholds: tuple[ThresholdFit, ...]
     criteria: dict[str, Criterion]
-    models: LimitModels
-    levels: tuple[LevelEstimates, ...] = ()
-    interval_biases: dict[str, IntervalBias] = field(default_factory=dict)
-    procedure: Procedure = Procedure.YES_NO
-    concerns: tuple[Concern, ...] = ()
+    interval_biases: dict[str, IntervalBias]
+    procedure: Procedure
+    concerns: tuple[Concern, ...]
 
     def __repr__(self) -> str:
         who, n = len(self.data.participant_ids), len(self.thresholds)
-        return f"<Calibration of {who} participants: {n} thresholds, {self.procedure.value}>"
-
-    @property
-    def rate_limit(self) -> RateLimitFit:
-        """The population's curve, of the model that was chosen."""
-        return self.models.fit
+        return f"<{type(self).__name__} of {who} participants: {n} thresholds, {self.procedure.value}>"
 
     @property
     def participants(self) -> dict[str, ParticipantSummary]:
         """How consistently each participant answered."""
         return _participants(self.thresholds)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What a reader of the results should know."""
+        return self._warnings()
+
+    def _warnings(self, of_curve: tuple[str, ...] = (), shape: tuple[str, ...] = ()) -> tuple[str, ...]:
+        asked = self.procedure is Procedure.YES_NO
+        said = (
+            *(concern.words for concern in self.concerns),
+            *of_curve,
+            *self.data.warnings,
+            *((NO_CATCH_TRIALS,) if asked and not self.criteria else ()),
+            *false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds)),
+            *_of_participants(self.data.participant_ids, self.participants),
+            *_small_samples(self.thresholds),
+            *shape,
+        )
+        return tuple(dict.fromkeys(said))
+
+
+@dataclass(frozen=True, slots=True, repr=False, kw_only=True)
+class Calibration(ThresholdFits):
+    """Everything that the trials say: what the files and figures are made from.
+
+    Attributes
+    ----------
+    models : LimitModels
+        The population's curve by each model.
+    levels : tuple of LevelEstimates
+        The population's threshold at each level, estimated in three ways.
+    """
+
+    models: LimitModels
+    levels: tuple[LevelEstimates, ...]
+
+    @property
+    def rate_limit(self) -> RateLimitFit:
+        """The population's curve, of the model that was chosen."""
+        return self.models.fit
 
     @property
     def excluded_participants(self) -> dict[str, str]:
@@ -100,18 +132,23 @@ class Calibration:
     @property
     def warnings(self) -> tuple[str, ...]:
         """What a reader of the results should know."""
-        asked = self.procedure is Procedure.YES_NO
-        said = (
-            *(concern.words for concern in self.concerns),
-            *self.models.first_notes,
-            *self.data.warnings,
-            *((NO_CATCH_TRIALS,) if asked and not self.criteria else ()),
-            *false_alarm_warnings(self.criteria, (fit.threshold for fit in self.thresholds)),
-            *_of_participants(self.data.participant_ids, self.participants),
-            *_small_samples(self.thresholds),
-            *self.rate_limit.notes,
-        )
-        return tuple(dict.fromkeys(said))
+        return self._warnings(self.models.first_notes, self.rate_limit.notes)
+
+
+class NoRateLimitError(InputError):
+    """Answers without a rate limit: what is wrong with them is said first, and why no curve can be had.
+
+    Attributes
+    ----------
+    fits : ThresholdFits
+        The thresholds all the same.
+    """
+
+    def __init__(self, fits: ThresholdFits, why: InputError) -> None:
+        seen = [concern.words for concern in fits.concerns if concern.threatens]
+        no_limit = str(why).partition("; test ")[0] if seen else str(why)
+        super().__init__("; ".join([*seen, f"no rate limit can be had: {no_limit}"]))
+        self.fits = fits
 
 
 def calibrate(
@@ -132,8 +169,10 @@ def calibrate(
 
     Raises
     ------
+    NoRateLimitError
+        If no curve can be fitted, for instance to so few luminances; it has the thresholds.
     InputError
-        If the chosen model cannot be fitted, for instance to so few luminances.
+        If not the one that was asked for.
     """
     options = options or RateLimitOptions()
     data, concerns = checked(data)
@@ -145,17 +184,24 @@ def calibrate(
             for fit in thresholds
         )
     concerns = ordered((*concerns, *_drifts(_participants(thresholds))))
-    answers = Answers(trials, [fit.threshold for fit in thresholds], data.display)
-    return Calibration(
-        data=data,
-        thresholds=thresholds,
-        criteria={who: criterion_of(*counts) for who, counts in catch_counts(trials).items()},
-        models=fit_models(answers, options, report),
-        levels=estimate_levels(thresholds),
-        interval_biases=interval_biases(trials),
-        procedure=procedure,
-        concerns=concerns,
-    )
+    fits: dict[str, Any] = {
+        "data": data,
+        "thresholds": thresholds,
+        "criteria": {who: criterion_of(*counts) for who, counts in catch_counts(trials).items()},
+        "interval_biases": interval_biases(trials),
+        "procedure": procedure,
+        "concerns": concerns,
+    }
+    try:
+        models = fit_models(
+            Answers(trials, [fit.threshold for fit in thresholds], data.display), options, report
+        )
+    except InputError as error:
+        wanted = (options.degree, options.direction, options.ramp_duration)
+        if any(concern.threatens for concern in concerns) or wanted == (None, None, None):
+            raise NoRateLimitError(ThresholdFits(**fits), error) from error
+        raise  # another curve was asked for than the answers have
+    return Calibration(**fits, models=models, levels=estimate_levels(thresholds))
 
 
 def trials_of_one_task(

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.calibration import Calibration, ThresholdFits
 from evenlight.analysis.calibration.joint.joint_fit import JointFit
 from evenlight.analysis.calibration.joint.polynomial_shape import ShapeScore
 from evenlight.analysis.calibration.level_estimates import difference_in_words, mean_ratios
@@ -141,7 +141,7 @@ def thresholds_section(calibration: Calibration, rows: Rows, png: bytes) -> Sect
     return section(
         "fit_calibration",
         (_level_table(calibration, rows), _participant_table(calibration)),
-        (Picture(png, prose("fit_calibration_caption", two=two)[0]),),
+        (_answers_picture(calibration, png),),
         simulated=data.simulated,
         data=data,
         people=len(data.participant_ids),
@@ -156,8 +156,12 @@ def thresholds_section(calibration: Calibration, rows: Rows, png: bytes) -> Sect
     )
 
 
-def _two_interval(calibration: Calibration) -> bool:
+def _two_interval(calibration: ThresholdFits) -> bool:
     return calibration.procedure is Procedure.TWO_INTERVAL
+
+
+def _answers_picture(calibration: ThresholdFits, png: bytes) -> Picture:
+    return Picture(png, prose("fit_calibration_caption", two=_two_interval(calibration))[0])
 
 
 def _level_table(calibration: Calibration, rows: Rows) -> Table:
@@ -246,8 +250,8 @@ def _two_places(value: float | None) -> str | None:
     return None if value is None else f"{value:.2f}"
 
 
-def every_threshold_section(calibration: Calibration) -> Section:
-    """Return every threshold with what there is to know about it."""
+def every_threshold_section(calibration: ThresholdFits, png: bytes | None = None) -> Section:
+    """Return every threshold with what there is to know about it; `png`: the answers, as a figure."""
     thresholds = [fit.threshold for fit in calibration.thresholds]
     several = len(conditions_of(thresholds)) > 1
     rows: list[tuple[Cell, ...]] = [
@@ -274,6 +278,7 @@ def every_threshold_section(calibration: Calibration) -> Section:
     return section(
         "fit_thresholds",
         (Table(caption, columns, tuple(rows)),),
+        () if png is None else (_answers_picture(calibration, png),),
         simulated=calibration.data.simulated,
     )
 

@@ -9,11 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.calibration import Calibration, NoRateLimitError, ThresholdFits
 from evenlight.analysis.calibration.calibration_sections import shared_luminances
 from evenlight.analysis.calibration.joint.joint_fit import JointFit
 from evenlight.analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
-from evenlight.analysis.calibration.ramp_findings import ramp_findings
+from evenlight.analysis.calibration.ramp_findings import findings_without_limit, ramp_findings
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
 from evenlight.analysis.report import Report, Section, write_report
 from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
@@ -32,6 +32,7 @@ FILES = {
     "fit_summary.json": "what the fit rests on, for programs",
     "psychometric.png, rate_limit.png": "the figures of this page",
 }
+WITHOUT_LIMIT = ("thresholds.csv",)
 COMPARED_AT = 201  # luminances at which two curves are compared
 SCORED = ("form", "degree", "score", "standard_error", "chosen")
 
@@ -47,7 +48,7 @@ def write_fit(calibration: Calibration, folder: Path, origin: Provenance) -> Ana
 
 def write_calibration(calibration: Calibration, folder: Path, provenance: Provenance) -> None:
     """Write `thresholds.csv`, `rate_limit.json` and `fit_summary.json`."""
-    write_rows(folder / "thresholds.csv", Threshold, [fit.threshold for fit in calibration.thresholds])
+    write_thresholds(calibration, folder)
     participants = len(calibration.data.participant_ids)
     kind = "simulated participants" if calibration.data.simulated else "participants"
     fitted = calibration.rate_limit.limit
@@ -62,33 +63,48 @@ def write_calibration(calibration: Calibration, folder: Path, provenance: Proven
     write_json(folder / "fit_summary.json", summary_of(calibration, provenance))
 
 
+def write_without_limit(refused: NoRateLimitError, folder: Path, origin: Provenance) -> None:
+    """Write what is left where no rate limit can be had: thresholds, figure of the answers, `report.html`."""
+    found = findings_without_limit(refused)
+    write_thresholds(refused.fits, folder)
+    write_pictures(found, folder)
+    write_report(folder / "report.html", _report(refused.fits, found, origin))
+
+
+def write_thresholds(fits: ThresholdFits, folder: Path) -> None:
+    """Write `thresholds.csv`."""
+    write_rows(folder / "thresholds.csv", Threshold, [fit.threshold for fit in fits.thresholds])
+
+
 def write_pictures(found: Analysis, folder: Path) -> None:
-    """Write `psychometric.png` and `rate_limit.png`."""
+    """Write `psychometric.png`, and `rate_limit.png` if there is one."""
     for drawing in found.drawings:
         write_whole(folder / f"{drawing.name}.png", drawing.png)
 
 
-def _report(calibration: Calibration, found: Analysis, origin: Provenance) -> Report:
-    data = calibration.data
+def _report(fits: ThresholdFits, found: Analysis, origin: Provenance) -> Report:
+    data, whole = fits.data, isinstance(fits, Calibration)
     return Report(
         "Calibration of the rate limit",
         found.lead,
         (
-            *_to_be_looked_at(calibration),
+            *_to_be_looked_at(fits),
             *found.sections,
             *((roll_section(data.roll),) if data.roll else ()),
             provenance_section({"first session": data.sessions[0].manifest.provenance, "fit": origin}),
-            files_section(FILES),
+            files_section(FILES if whole else {name: FILES[name] for name in WITHOUT_LIMIT}),
         ),
         key_figures=found.key_figures,
     )
 
 
-def _to_be_looked_at(calibration: Calibration) -> tuple[Section, ...]:
+def _to_be_looked_at(fits: ThresholdFits) -> tuple[Section, ...]:
     """Return a section of what to be warned of that no other section says; none if there is nothing."""
-    said = {*calibration.data.warnings, *calibration.rate_limit.notes, *calibration.models.first_notes}
-    notes = tuple(f"{sentence(words)}." for words in calibration.warnings if words not in said)
-    simulated = calibration.data.simulated
+    said = set(fits.data.warnings)
+    if isinstance(fits, Calibration):
+        said |= {*fits.rate_limit.notes, *fits.models.first_notes}
+    notes = tuple(f"{sentence(words)}." for words in fits.warnings if words not in said)
+    simulated = fits.data.simulated
     return (Section("To be looked at", notes=notes, simulated=simulated),) if notes else ()
 
 

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 
-from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.calibration import (
+    Calibration,
+    NoRateLimitError,
+    ThresholdFits,
+)
 from evenlight.analysis.calibration.calibration_sections import (
     LIMIT,
     MEAN,
@@ -27,6 +31,7 @@ from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.report_prose import prose
 from evenlight.analysis.results import Analysis, Drawing
 from evenlight.analysis.rows import Rows
+from evenlight.analysis.wording import sentence
 from evenlight.data_schema.analysis_results import Origin
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure
@@ -66,6 +71,21 @@ def ramp_findings(calibration: Calibration, compared: RateLimit | None = None) -
     )
 
 
+def findings_without_limit(refused: NoRateLimitError) -> Analysis:
+    """Return what is left where no rate limit can be had: why, the answers, every threshold."""
+    fits = refused.fits
+    answers = _answers_drawing(fits)
+    return Analysis(
+        name="ramp",
+        lead=f"{sentence(str(refused))}.",
+        rows=(),
+        drawings=(answers,),
+        sections=(every_threshold_section(fits, answers.png),),
+        warnings=fits.warnings,
+        concerns=fits.concerns,
+    )
+
+
 def _add_level(rows: Rows, level: LevelEstimates) -> None:
     random, group, n = level.random, group_of(level.level), level.n_participants
     best = Effect(random.threshold, random.ci_low, random.ci_high) if random else None
@@ -97,16 +117,14 @@ def calibration_drawings(
     simulated = calibration.data.simulated
     limit = dataclasses.replace(calibration.rate_limit.limit, simulated=simulated)
     beside = {f"{model.value} model": fit.limit for model, fit in calibration.models.others.items()}
-    answers, shares = psychometric_figure(calibration.thresholds, simulated)
     curve, points = rate_limit_figure(limit, drawn_thresholds(calibration), compared, beside=beside)
-    captions = (
-        "Answers and fitted psychometric functions.",
-        "The rate limit with its band, and the thresholds behind it.",
-    )
-    return (
-        Drawing("psychometric", answers, captions[0], shares),
-        Drawing("rate_limit", curve, captions[1], points),
-    )
+    caption = "The rate limit with its band, and the thresholds behind it."
+    return _answers_drawing(calibration), Drawing("rate_limit", curve, caption, points)
+
+
+def _answers_drawing(fits: ThresholdFits) -> Drawing:
+    answers, shares = psychometric_figure(fits.thresholds, fits.data.simulated)
+    return Drawing("psychometric", answers, "Answers and fitted psychometric functions.", shares)
 
 
 def first_lines(calibration: Calibration) -> tuple[str, tuple[KeyFigure, ...]]:

@@ -17,7 +17,7 @@ import pandas as pd
 from scipy import special, stats
 
 from evenlight.analysis.integrity.concern import LEVEL, Concern, ConcernKind, noun_of
-from evenlight.analysis.wording import first_few, p_in_words
+from evenlight.analysis.wording import first_few, p_in_words, percent
 from evenlight.data_schema.arrays import Array
 
 FEWEST_SEARCHES = 4  # fewer without success happen
@@ -26,6 +26,8 @@ AS_FAR = 0.5  # of the others' difference, on the other side
 FEWEST_PAIRS = 4  # fewer show no effect either
 NEARLY = 0.8  # share of pairs in one order from which on the rest is too few to tell (choice)
 SEVERAL = 8  # sessions from which on the common part of what practice does can be taken out
+FEWEST_RAMPS = 100  # fewer answers may depend on the rate and not show it
+FALLS, RISES = -3.09, 1.64  # standard errors: at `LEVEL`, and not even at 5 %; both one-sided
 NO_VARIANCE = 1e-12  # what rounding leaves of none
 Concerns = Iterator[Concern]
 CHANGES = {
@@ -200,26 +202,70 @@ def _scores(known: pd.DataFrame) -> pd.Series[float]:
 
 
 def swapped_keys(table: pd.DataFrame, task: str) -> Concerns:
-    """Tell who reports fast ramps less often than slow ones, or mostly chooses the wrong interval.
+    """Tell whether fast ramps are reported less often than slow ones, or mostly the wrong interval is chosen.
 
-    Both tests are one-sided. In yes/no the answers are exchanged among the ranks of the rates at each level.
+    All answers together are tested first, then those of each participant; both tests are one-sided.
     """
+    ramps = table[table.counted]
+    right, asked = ramps.answer[ramps.two], ramps[~ramps.two]
+    if len(right) and special.bdtr(right.sum(), len(right), 0.5) < LEVEL:
+        words = f"the wrong interval is chosen in {percent(1 - right.mean(), 0)} of {len(right)} ramps"
+        yield Concern(ConcernKind.SWAPPED, f"{words} (are first and second exchanged?)", threatens=True)
+        return
+    if _rise(asked) < FALLS:
+        words = f"fast ramps are reported less often than slow ones: {_halves_of_rates(asked)}"
+        yield Concern(ConcernKind.SWAPPED, f"{words} (are yes and no exchanged?)", threatens=True)
+        return
     level = LEVEL / max(table.participant.nunique(), 1)
     wrong, falling = [], []
-    for who, own in table.groupby("participant", sort=False):
+    for who, own in ramps.groupby("participant", sort=False):
         right = own.answer[own.two]
         if len(right) and special.bdtr(right.sum(), len(right), 0.5) < level:
             wrong.append(f"{who} (right in {right.sum():.0f} of {len(right)})")
-        levels = [at for _, at in own[~own.two].groupby("level")]
-        sums = [_exchanged(stats.rankdata(at.rate), at.answer.to_numpy()) for at in levels]
-        excess, variance = np.sum(sums, axis=0) if sums else (0.0, 0.0)
-        if variance > 0 and special.ndtr(excess / math.sqrt(variance)) < level:
+        if special.ndtr(_rise(own[~own.two])) < level:
             falling.append(str(who))
     for names, words in (
         (wrong, "chose the wrong interval more often than the right one"),
         (falling, "reported fast ramps less often than slow ones"),
     ):
         yield from _of_people(ConcernKind.SWAPPED, names, f"{words}, as if the keys were swapped", True)
+
+
+def no_threshold(table: pd.DataFrame, task: str) -> Concerns:
+    """Tell why no threshold can be in the answers: yes to nothing, one rate at each level, or any answer."""
+    ramps, to_nothing = table[table.counted], table.answer[~table.counted & ~table.two]
+    rise = _rise(ramps)
+    if rise < FALLS:
+        return  # swapped keys, which say so
+    if special.bdtrc(to_nothing.sum() - 1, len(to_nothing), 0.5) < LEVEL:
+        nothing, something = (percent(answers.mean(), 0) for answers in (to_nothing, ramps.answer))
+        words = (
+            f"yes is said to {nothing} of {len(to_nothing)} trials without a change, and to {something} of "
+            "the ramps (do the answers say yes, or that the answer was right?)"
+        )
+        yield Concern(ConcernKind.NO_THRESHOLD, words, threatens=True)
+    elif len(ramps) and ramps.groupby("level").rate.nunique().max() == 1:
+        words = "at each level all ramps have the same rate: a threshold needs several"
+        yield Concern(ConcernKind.NO_THRESHOLD, words, threatens=True)
+    elif len(ramps) >= FEWEST_RAMPS and rise < RISES and ramps.answer.nunique() > 1:
+        words = f"the answers do not depend on the rate: {_halves_of_rates(ramps)}"
+        words += " (do answers and ramps belong together?)"
+        yield Concern(ConcernKind.NO_THRESHOLD, words, threatens=True)
+
+
+def _rise(ramps: pd.DataFrame) -> float:
+    """Return how clearly answers go with the rates' ranks at each person's levels, in standard errors."""
+    levels = ramps.groupby(["participant", "level"])
+    sums = [_exchanged(stats.rankdata(own.rate), own.answer.to_numpy()) for _, own in levels]
+    excess, variance = np.sum(sums, axis=0) if sums else (0.0, 0.0)
+    return float(excess / math.sqrt(variance)) if variance > 0 else 0.0
+
+
+def _halves_of_rates(ramps: pd.DataFrame) -> str:
+    rank = ramps.groupby("level").rate.rank(pct=True)
+    said = "are right" if ramps.two.all() else "are noticed"
+    fast, slow = (percent(ramps.answer[half].mean(), 0) for half in (rank > 0.5, rank <= 0.5))
+    return f"{fast} of the faster half {said}, {slow} of the slower"
 
 
 def _of_people(kind: ConcernKind, names: Sequence[str], words: str, threatens: bool = False) -> Concerns:
@@ -229,4 +275,4 @@ def _of_people(kind: ConcernKind, names: Sequence[str], words: str, threatens: b
 
 
 CHECKS = (one_order, differing_halves, nothing_found, one_answer, swapped_versions)
-CHECKS_OF_RAMPS = (one_order, nothing_found, one_answer, swapped_keys)
+CHECKS_OF_RAMPS = (one_order, nothing_found, one_answer, swapped_keys, no_threshold)

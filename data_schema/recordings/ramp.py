@@ -254,6 +254,9 @@ class RampTrial(Trial):
     largest_luminance_error: float | None = quantity(
         "cd/m^2", "largest difference of read-back and intended mean luminance", minimum=0.0, default=None
     )
+    repetition: int | None = count(
+        "which ramp of its level and rate, from 1; null where it is not counted", minimum=1, default=None
+    )
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
 
     def __post_init__(self) -> None:

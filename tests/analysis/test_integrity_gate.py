@@ -11,11 +11,14 @@ import numpy as np
 import pytest
 from numbers_of_sets import counts_at, few_and_many
 
+from evenlight.analysis.calibration.calibration import NoRateLimitError, calibrate
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.dataset_findings import AnalysisOptions, task_findings
 from evenlight.analysis.integrity.concern import Concern, ConcernKind, noun_of
 from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.session_loading import TaskData
-from evenlight.data_schema.recordings.ramp import Procedure, Response
+from evenlight.data_schema.rate_limit import RateLimitModel
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial, Response
 from evenlight.data_schema.recordings.viewing import Version
 
 YES_NO, TWO = made.ramp_design(), made.ramp_design(Procedure.TWO_INTERVAL)
@@ -323,6 +326,53 @@ def test_who_reports_fast_ramps_less_often_than_slow_ones_is_named() -> None:
         assert concern.threatens
         assert "participant 06" in concern.words
         assert words in concern.words
+
+
+OTHER = {Response.YES: Response.NO, Response.NO: Response.YES,
+         Response.FIRST: Response.SECOND, Response.SECOND: Response.FIRST}  # fmt: skip
+
+
+def exchanged(trial: RampTrial, rng: np.random.Generator) -> RampTrial:
+    return dataclasses.replace(trial, response=OTHER[trial.response])
+
+
+def coin(trial: RampTrial, rng: np.random.Generator) -> RampTrial:
+    return exchanged(trial, rng) if rng.random() < 0.5 else trial
+
+
+def right_as_yes(trial: RampTrial, rng: np.random.Generator) -> RampTrial:
+    """Who noted whether an answer was right, and not what it was, has yes where nothing changed."""
+    return exchanged(trial, rng) if trial.is_catch else trial
+
+
+def one_rate(trial: RampTrial, rng: np.random.Generator) -> RampTrial:
+    rate = 0.0 if trial.is_catch else 0.03 * trial.initial_luminance
+    return dataclasses.replace(trial, rate=rate, final_luminance=trial.initial_luminance - 5 * rate)
+
+
+@pytest.mark.parametrize(
+    ("design", "coding", "words"),
+    [
+        (TWO, exchanged, "(are first and second exchanged?)"),
+        (YES_NO, exchanged, "(are yes and no exchanged?)"),
+        (YES_NO, right_as_yes, "% of 240 trials without a change, and to"),
+        (YES_NO, one_rate, "at each level all ramps have the same rate"),
+        (TWO, one_rate, "at each level all ramps have the same rate"),
+        (YES_NO, coin, "the answers do not depend on the rate"),
+        (TWO, coin, "the answers do not depend on the rate"),
+    ],
+)
+def test_answers_without_a_threshold_are_told_what_is_seen(
+    design: RampDesign, coding: Callable[[RampTrial, np.random.Generator], RampTrial], words: str
+) -> None:
+    rng = np.random.default_rng(3)
+    trials = [coding(trial, rng) for trial in made.ramps(rng, design)]
+    with pytest.raises(NoRateLimitError) as refused:
+        calibrate(made.ramp_data_of(trials, design), RateLimitOptions(model=RateLimitModel.INDIVIDUAL))
+    told = str(refused.value)
+    assert words in told.partition("; no rate limit can be had: ")[0]
+    assert "; test" not in told  # faster or slower ramps mend nothing of that
+    assert len(refused.value.fits.thresholds) == 20
 
 
 def test_whose_versions_are_swapped_is_named() -> None:

@@ -135,7 +135,7 @@ def _titles(
     """Return what stands above a panel: the level, and its mean threshold with how well that is known."""
     arrow = "↓" if level.direction is Direction.DOWN else "↑"
     way = f", {arrow} {level.ramp_duration:g} s" if scale.several else ""
-    what = f"{level.screen}, b = {level.factor:g}\n{style.short(level.luminance)} cd/m²{way}"
+    what = f"{level.screen}, b = {level.factor:.3g}\n{style.short(level.luminance)} cd/m²{way}"
     if mean is None:
         return what, "no threshold"
     people = len({fit.threshold.participant_id for fit in fits})
