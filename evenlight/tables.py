@@ -24,6 +24,7 @@ from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.session import TASKS
+from evenlight.data_schema.recordings.viewing import repetitions
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.video.frames_in_memory import Named
 
@@ -128,9 +129,11 @@ def analyze(
         One row for each answer. All have `participant_id` (letters and digits) and `sequence`. Ratings:
         `version` ("ours" or "baseline") and `rating`; optional `place_in_pair` (1 if shown before the other
         version) or `trial_index`, from which it follows; else unknown. Comparisons: `ours_interval` (1 or 2)
-        and `response` ("first" or "second"). Searches: `keypoint`, `version`, `found`, `search_time_s`;
-        optional `factor` (brightness factor there), `time_limit_s` (30), `ring_orientation_deg`,
-        `reported_orientation_deg`. Other columns of `trials.tsv` may be there.
+        and `response` ("first" or "second"). Searches: `keypoint`, `version`, `found` (or `correct`),
+        `search_time_s` (less than the limit where not found: a wrong answer); optional `factor` (brightness
+        factor there), `time_limit_s` (30), `ring_orientation_deg`, `reported_orientation_deg`, `repetition`
+        (else by `trial_index` or row, if most places were searched several times). Other columns of
+        `trials.tsv` may be there.
     task : {"rating", "comparison", "search"} or a registered task, optional
         Else the columns tell.
     simulated : bool
@@ -158,6 +161,8 @@ def analyze(
     task = task or _task_of({key for row in rows for key in row})
     if task == "rating":
         rows = _with_places(rows)
+    if task == "search":
+        rows = _with_repetitions(rows)
     cls, defaults = viewing[task], NOT_READ.get(task, {})
     trials = [_record(cls, row, number, defaults, simulated) for number, row in enumerate(rows)]
     options = AnalysisOptions(
@@ -264,3 +269,21 @@ def _with_places(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         {"place_in_pair": 1 if row.get("version") == version else 2} | row
         for row, version in zip(rows, versions, strict=True)
     ]
+
+
+def _with_repetitions(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Return searches with what follows: `found` from `correct`, the limit as a time, the repetition."""
+    rows = [dict(row) for row in rows]
+    for row in rows:
+        if row.get("correct") in (0, 1):
+            row.setdefault("found", bool(row["correct"]))
+        if row.get("found") == 0:
+            row.setdefault("search_time_s", row.get("time_limit_s", NOT_READ["search"]["time_limit_s"]))
+    ordered = rows
+    if all(isinstance(row.get("trial_index"), Real) for row in rows):
+        ordered = sorted(rows, key=lambda row: row["trial_index"])
+    cell = ("participant_id", "session_id", "sequence", "keypoint", "version")
+    items = [tuple(row.get(name) for name in cell) for row in ordered]
+    for row, which in zip(ordered, repetitions(items), strict=True):
+        row.setdefault("repetition", which)
+    return rows

@@ -92,13 +92,15 @@ class PaddedModel:
 class Likelihood:
     """Logarithm of a likelihood, with its gradient (d,) and Hessian (d, d).
 
-    `aside` is the derivative by a parameter that is held, where one is.
+    `aside` is the derivative by a parameter that is held, where one is; `scores` (P, d) are the gradients of
+    the participants, where they are known.
     """
 
     value: float
     gradient: Array
     hessian: Array
     aside: float = 0.0
+    scores: Array | None = None
 
 
 def padded(values: Array, groups: Integers, filling: float = 0.0) -> Array:
@@ -253,7 +255,7 @@ def _with_derivatives(
     weighted = posterior[:, :, None] * centred
     hessian = np.einsum("pqd,pqe->de", weighted, centred, optimize=True)
     hessian += _mean_hessian(model, at, second, z, posterior)
-    return Likelihood(value, mean.sum(axis=0), hessian)
+    return Likelihood(value, mean.sum(axis=0), hessian, scores=mean)
 
 
 def _mean_hessian(model: PaddedModel, at: Derivatives, second: Array, z: Array, posterior: Array) -> Array:

@@ -109,7 +109,7 @@ def walled(likelihood: Objective, first: int, furthest: float) -> Objective:
             return inside
         bend = np.diag(np.where(beyond != 0, 2.0, 0.0))
         value = inside.value - float(beyond @ beyond)
-        return Likelihood(value, inside.gradient - 2 * beyond, inside.hessian - bend)
+        return Likelihood(value, inside.gradient - 2 * beyond, inside.hessian - bend, scores=inside.scores)
 
     return within_walls
 
@@ -140,8 +140,12 @@ class Profile:
         full[self.index] = value * self._unit(full)
         return full
 
-    def standard_error(self) -> float:
-        """Return the standard error of v by the curvature of the likelihood, and the delta method."""
+    def standard_error(self, clustered: bool = False) -> float:
+        """Return the standard error of v by the curvature of the likelihood, and the delta method.
+
+        Clustered, it is that of the sandwich over participants (Huber 1967; White 1982), whose searches may
+        be alike in ways that the model does not know.
+        """
         parameters = self.top.parameters
         direction = np.zeros(parameters.size)
         direction[self.index] = 1.0
@@ -151,6 +155,10 @@ class Profile:
             direction[self.scale] = -parameters[self.index] / scale**2
         curvature, axes = np.linalg.eigh(-self.top.likelihood.hessian)
         along = axes.T @ direction
+        scores = self.top.likelihood.scores
+        if clustered and scores is not None:
+            influence = scores @ (axes @ (along / np.maximum(curvature, FLATTEST)))
+            return float(np.sqrt(influence @ influence))
         return float(np.sqrt(np.sum(along**2 / np.maximum(curvature, FLATTEST))))
 
     def at(self, value: float, near: Array) -> tuple[float | None, float, Array]:
@@ -342,6 +350,7 @@ def profiled_effect(
     reference: NullDistribution,
     profiled: bool = True,
     sign: int = 1,
+    clustered: bool = False,
 ) -> FixedEffect:
     """Return an effect with its interval and test.
 
@@ -358,6 +367,8 @@ def profiled_effect(
         Whether interval and test are by the profile likelihood; else by standard error and Student's t.
     sign : int
         -1 for minus the parameter: a cut point as an intercept.
+    clustered : bool
+        Whether interval and test are by the sandwich over participants, as many as the reference has units.
     """
     error, estimate = profile.standard_error(), profile.estimate
     unbounded = error * span > FLAT
@@ -365,6 +376,8 @@ def profiled_effect(
     if reference.df < 1:
         flag = FitFlag.SEPARATED if unbounded else FitFlag.TOO_FEW_PEOPLE
         return FixedEffect(name, value, spread, flags=(flag,), endless=unbounded)
+    if clustered and not unbounded:
+        error = profile.standard_error(clustered) * float(np.sqrt((reference.df + 1) / reference.df))
     if not (profiled or unbounded):
         return student_effect(name, sign * estimate, error, reference.df)
     critical, furthest = reference.critical, furthest / span

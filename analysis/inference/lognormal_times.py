@@ -38,6 +38,8 @@ from evenlight.analysis.inference.fixed_effects import (
 )
 from evenlight.analysis.inference.mixed_designs import (
     GroupedModel,
+    NullDistribution,
+    effective_people,
     grouped_design,
     in_row_space,
     reference_of,
@@ -50,6 +52,8 @@ FURTHEST = 20.0  # an effect beyond it [ln s], over the range of its column, cou
 LARGEST_SD = 15.0  # a participant SD beyond so many residual ones counts as infinite
 SMALLEST_SCATTER = 1e-6  # of ln(time): less is none
 START_SD = (0.4, 0.3)  # of intercept and slope between participants, in residual standard deviations
+# With more times of each participant than this, their levels are so certain that few nodes suffice.
+MANY, FEW_NODES = 50, 5
 LN_ROOT_2PI = 0.5 * np.log(2 * np.pi)
 
 
@@ -194,6 +198,7 @@ def fit_lognormal_times(
     contrasts: Mapping[str, Sequence[float]] | None = None,
     profiled: tuple[str, ...] | None = None,
     nodes: int | None = None,
+    clustered: bool = False,
 ) -> TimesFit:
     """Fit the log-normal model of times by maximum likelihood.
 
@@ -209,9 +214,15 @@ def fit_lognormal_times(
         are by the standard error, which is quicker. None for all.
     nodes : int, optional
         Of the quadrature over participants, for each random effect; fewer are quicker.
+    clustered : bool
+        Whether all intervals and tests are by standard errors over participants (sandwich) and Student's t:
+        for searches that each of several participants repeated, in whatever way these are alike.
     """
     n_groups = np.unique(data.groups).size
     flags = (FitFlag.ONE_PARTICIPANT,) if n_groups == 1 else ()
+    clustered = clustered and n_groups > 1
+    if clustered and data.times.size > MANY * n_groups:
+        nodes = nodes or FEW_NODES
     names = data.names, tuple(contrasts or ())
     without = partial(times_fit_without_numbers, names, data.times.size, n_groups)
     if not data.observed.any():
@@ -226,7 +237,7 @@ def fit_lognormal_times(
     k = len(data.names)
     weights = [*np.eye(k), *(contrasts or {}).values()]
     every = tuple(
-        _effect(data, model, (objective, top), asked, profiled is None or asked[0] in profiled)
+        _effect(data, model, (objective, top), asked, profiled is None or asked[0] in profiled, clustered)
         for asked in zip((*names[0], *names[1]), weights, strict=True)
     )
     residual_sd = 1 / float(top.parameters[0])
@@ -250,6 +261,7 @@ def _effect(
     found: tuple[Objective, Maximum],
     asked: tuple[str, Sequence[float] | Array],
     profiled: bool,
+    clustered: bool,
 ) -> FixedEffect:
     """Return a combination of effects, w β: one effect of a design that is turned so that it has it.
 
@@ -260,9 +272,9 @@ def _effect(
         raise ValueError(
             f"contrast {name!r} needs {len(data.names)} weights that are not all 0, got {weights}"
         )
-    if not in_row_space(weights, data.design):
-        return FixedEffect(name, flags=(FitFlag.NOT_ESTIMABLE,))
     design = model.design
+    if not (all(design.identifiable) or in_row_space(weights, data.design)):
+        return FixedEffect(name, flags=(FitFlag.NOT_ESTIMABLE,))
     kept = weights[list(design.places)]
     m = int(np.argmax(np.abs(kept)))
     turn = np.eye(kept.size)
@@ -271,9 +283,13 @@ def _effect(
     turned = design.fitted @ turn
     slope = design.slope is not None and bool(weights[design.slope])
     reference = reference_of(turned, m, design.groups, int(data.observed.sum()), slope)
+    if clustered:
+        people = effective_people(turned, m, design.groups)
+        reference = NullDistribution(people - 1, people)
     span = float(np.ptp(turned[:, m])) or float(np.abs(turned[:, m]).max())
     profile = Profile(*_turned(*found, turn), 1 + m, scale=0)
-    return profiled_effect(name, profile, span, FURTHEST, reference, profiled)
+    profiled = profiled and not clustered
+    return profiled_effect(name, profile, span, FURTHEST, reference, profiled, clustered=clustered)
 
 
 def _turned(likelihood: Objective, top: Maximum, turn: Array) -> tuple[Objective, Maximum]:
@@ -282,7 +298,9 @@ def _turned(likelihood: Objective, top: Maximum, turn: Array) -> tuple[Objective
     matrix[1 : 1 + turn.shape[0], 1 : 1 + turn.shape[0]] = turn
 
     def changed(old: Likelihood) -> Likelihood:
-        return Likelihood(old.value, matrix.T @ old.gradient, matrix.T @ old.hessian @ matrix)
+        scores = None if old.scores is None else old.scores @ matrix
+        turned = matrix.T @ old.gradient, matrix.T @ old.hessian @ matrix
+        return Likelihood(old.value, *turned, scores=scores)
 
     parameters = np.asarray(np.linalg.solve(matrix, top.parameters))
     new_top = Maximum(parameters, changed(top.likelihood), True)

@@ -245,6 +245,20 @@ def weight_of_people(design: Array, index: int, groups: Integers) -> float:
     return float(np.sum(np.bincount(groups, weights=own) ** 2) / (own @ own))
 
 
+def effective_people(design: Array, index: int, groups: Integers) -> float:
+    """Return how many participants an effect rests on, 1 / Σ s_p²: s_p is the share of each in its variance.
+
+    Of the variance if observations were independent (Kish 1965, Survey Sampling).
+
+    >>> design = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
+    >>> effective_people(design, 1, np.array([0, 0, 1, 1]))
+    2.0
+    """
+    own = design @ np.linalg.inv(design.T @ design)[:, index]
+    shares = np.bincount(groups, weights=own**2)
+    return round(float(shares.sum() ** 2 / (shares @ shares)), 6)
+
+
 def between_directions(design: Array, groups: Integers) -> int:
     """Return how many combinations of a design's columns compare participants rather than their answers.
 

@@ -14,7 +14,7 @@ import numpy as np
 from scipy import special
 
 from evenlight.analysis.inference.paired_effects import Effect
-from evenlight.data_schema.arrays import Array, Mask
+from evenlight.data_schema.arrays import Array, Integers, Mask
 
 NOT_REACHED = "not reached: no more than half were found"
 NO_UPPER_END = "the interval has no upper end: perhaps half are never found within the time"
@@ -46,7 +46,7 @@ class SurvivalCurve:
     median: Effect
 
 
-def kaplan_meier(times: Array, found: Mask) -> SurvivalCurve:
+def kaplan_meier(times: Array, found: Mask, people: Integers | None = None) -> SurvivalCurve:
     """Return the Kaplan-Meier curve of search times, with 95 % intervals.
 
     Parameters
@@ -55,6 +55,9 @@ def kaplan_meier(times: Array, found: Mask) -> SurvivalCurve:
         Until found, or until the search was given up [s]; n >= 1.
     found : array (n,) of bool
         Whether found.
+    people : array (n,) of int, optional
+        Whose, if a person has several: the standard error is then over people (Williams 1995, Biometrics 51,
+        1363; Ying & Wei 1994), with Student's t.
 
     >>> half = kaplan_meier(np.array([2.0, 3.0, 30.0]), np.array([True, True, False]))
     >>> half.median.value, half.survival.round(3).tolist()
@@ -68,16 +71,35 @@ def kaplan_meier(times: Array, found: Mask) -> SurvivalCurve:
     curve = SurvfuncRight(times, found.astype(int))  # with Greenwood's standard error
     event = curve.n_events > 0
     at, survival = curve.surv_times[event], curve.surv_prob[event]
-    low, high = _log_log_interval(survival, curve.surv_prob_se[event])
+    number, quantile, error = times.size, float(special.ndtri(0.5 + LEVEL / 2)), curve.surv_prob_se[event]
+    if people is not None and (number := np.unique(people).size) > 1:
+        at_risk, events = curve.n_risk[event], curve.n_events[event]
+        error = survival * _error_over_people((times, found, people), at, at_risk, events)
+        quantile = float(special.stdtrit(number - 1, 0.5 + LEVEL / 2))
+    low, high = _log_log_interval(survival, quantile * error)
     # The median of an even number is the usual one: the middle of the time for which the curve is one half.
     # Where it stays there to the end, nobody knows when more than half would be found.
     first, below = _first(at, survival <= HALF), _first(at, survival < 1 - HALF)
     median = None if first is None or below is None else (first + below) / 2
     ends = _first(at, low <= HALF), _first(at, high <= HALF)
     flag = NOT_REACHED if median is None else NO_UPPER_END if ends[1] is None else ""
-    if 2.0 ** (1 - times.size) > 1 - LEVEL:  # all could lie on one side of the median more often than that
+    if 2.0 ** (1 - number) > 1 - LEVEL:  # all could lie on one side of the median more often than that
         ends, flag = (None, None), flag or TOO_FEW
     return SurvivalCurve(at, survival, low, high, Effect(median, *ends, flag))
+
+
+def _error_over_people(own: tuple[Array, Mask, Integers], at: Array, at_risk: Array, events: Array) -> Array:
+    """Return the standard error of ln S over people: of the sums of what their searches add to it."""
+    times, found, people = own
+    every = np.unique(people)
+    squares = np.zeros_like(at)
+    for person in every:
+        mine = people == person
+        ended, sought = np.sort(times[mine & found]), np.sort(times[mine])
+        found_by = np.searchsorted(ended, at, side="right") - np.searchsorted(ended, at, side="left")
+        still = sought.size - np.searchsorted(sought, at, side="left")
+        squares += np.cumsum((found_by - still * events / at_risk) / at_risk) ** 2
+    return np.sqrt(squares * every.size / (every.size - 1))
 
 
 def restricted_mean(curve: SurvivalCurve, limit: float) -> float:
@@ -99,12 +121,11 @@ def restricted_mean(curve: SurvivalCurve, limit: float) -> float:
     return float(np.sum(np.diff(edges) * heights))
 
 
-def _log_log_interval(survival: Array, error: Array) -> tuple[Array, Array]:
-    """Return the pointwise interval S^exp(±z se / (S ln S)); where S is 0 there is none but 0 itself."""
-    z = float(special.ndtri(0.5 + LEVEL / 2))
+def _log_log_interval(survival: Array, half: Array) -> tuple[Array, Array]:
+    """Return the pointwise interval S^exp(±half / (S ln S)); where S is 0 there is none but 0 itself."""
     low, high = np.zeros_like(survival), np.zeros_like(survival)
     some = survival > 1e-12
-    spread = z * error[some] / (survival[some] * np.log(survival[some]))  # below 0
+    spread = half[some] / (survival[some] * np.log(survival[some]))  # below 0
     low[some] = survival[some] ** np.exp(-spread)
     high[some] = survival[some] ** np.exp(spread)
     return low, high

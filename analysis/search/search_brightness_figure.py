@@ -198,7 +198,7 @@ def curves_figure(study: Study) -> Drawing | None:
 
 def _draw_panel(plot: Plot, study: Study, panel: str, there: Array) -> None:
     axes, size, searches = plot.axes, style.text_size(), []
-    limit = float(study.table.limits.min())
+    limit = study.span(float(study.table.limits.min()))
     for version, ours in VERSIONS.items():
         own, colour = study.table.some(there & (study.table.ours == ours)), COLOURS[version]
         if not own.times.size:
@@ -209,12 +209,12 @@ def _draw_panel(plot: Plot, study: Study, panel: str, there: Array) -> None:
             plot.note(version, time, share, n=own.times.size, ends=(low, high))
         axes.plot(times, 100 * shares[0], color=colour, zorder=3, label=f"{of_track(version)}, 95 % band")
         axes.fill_between(times, *(100 * shares[1:]), color=colour, alpha=0.16, linewidth=0)
-        searches.append(f"{of_track(version)} {own.times.size}")
+        searches.append(f"{own.times.size}")
     axes.set(xlim=(0, limit), ylim=(0, 100), xlabel="search time [s]")
     axes.set_yticks(range(0, 101, 20))
     axes.grid(color=style.FAINT, linewidth=size / 18)
     axes.annotate(
-        f"{of_track(panel)} (searches: {', '.join(searches)})",
+        f"{of_track(panel)} (searches: {' and '.join(searches)})",
         (0.0, 1.0),
         (0, 0.6 * size),
         xycoords="axes fraction",

@@ -100,7 +100,9 @@ def _results(study: Study) -> dict[str, Any]:
     return {
         "people": study.people,
         "searches": table.times.size,
-        "undetected": int(np.count_nonzero(~table.found)),
+        "undetected": int(np.count_nonzero(~(table.found | table.wrong))),
+        "wrong": int(np.count_nonzero(table.wrong)),
+        "repeated": table.repeated,
         "locations": counted(len(table.locations), "location"),
         "overall": find("versions", EVERYWHERE, RATIO),
         "slope": find("brightness", of.LIKE_PEOPLE, of.SLOPE),
@@ -169,26 +171,31 @@ def _shares_found(study: Study) -> list[Statistic | None]:
 def times_section(study: Study) -> Section:
     """Return how soon the rings were found at each location."""
     table, places, own = study.table, _places(study), "locations"
+    wrong = "; a wrong answer is one" if table.wrong.any() else ""
+    test = "Student's t over people" if table.repeated else "exact test of McNemar"
+    median = partial(_median, digits=study.digits)
     listed = study.rows.view(
-        "Undetected rings (p: exact test of McNemar, by itself and adjusted for the number of locations "
+        f"Undetected rings{wrong} (p: {test}, by itself and adjusted for the number of locations "
         "by Holm), median search times with 95 % confidence interval (CI), and time ratios of the track to "
         "the baseline (p: adjusted too).",
         places,
         [
             *((own, f"{of.LOST}, {version}", _out_of) for version in VERSIONS),
             (own, of.CHANGE, p_with_holm),
-            *((own, f"{of.MEDIAN}, {version}", _median) for version in VERSIONS),
+            *((own, f"{of.MEDIAN}, {version}", median) for version in VERSIONS),
             (own, RATIO, study.ratio),
             (own, RATIO, lambda row: p_with_holm(row)[1:]),
         ],
         ["location", *UNDETECTED_NAMES, "median [s]: the track", "baseline", "ratio", "95 % CI", "p (Holm)"],
     )
-    cells = np.stack([table.participant, table.location, table.ours])
-    each, whole = np.unique(cells, axis=1).shape[1], 2 * len(table.participants) * len(places)
+    cells, whole = of.searches_of_cells(table).size, 2 * len(table.participants) * len(places)
+    fewest, most = study.searches_each
     return section(
         "search_times",
         [listed],
-        once=table.times.size == each == whole,
+        each=most if fewest == most and cells == whole else 0,
+        fewest=fewest,
+        most=most,
         in_ours=int(np.count_nonzero(table.ours)),
         in_both=sum(place.in_both for place in table.locations),
         flags=[(place, why) for place in places for why in _missing(study, place)],
@@ -215,10 +222,10 @@ def _out_of(row: Statistic | None) -> tuple[Cell]:
     return (None if row is None or row.value is None else f"{row.value:.0f} of {row.n}",)
 
 
-def _median(row: Statistic | None) -> tuple[Cell]:
+def _median(row: Statistic | None, digits: int) -> tuple[Cell]:
     if row is None:
         return (None,)
-    value, held = "not reached" if row.value is None else f"{row.value:.1f}", interval(row, 1)
+    value, held = "not reached" if row.value is None else f"{row.value:.{digits}f}", interval(row, digits)
     return (f"{value} ({held})" if held else value,)
 
 
@@ -299,6 +306,7 @@ def pairs_section(study: Study) -> Section:
         hazard=find("first found", EVERYWHERE, of.HAZARD),
         shares=_shares_found(study),
         ratio=partial(_ratio_in_words, study),
+        repeated=study.table.repeated,
     )
 
 
@@ -349,11 +357,12 @@ def averages_section(study: Study) -> Section:
     own = {
         f"{what}, {version}": f"{of_track(version)}: {shown[what]}" for version in VERSIONS for what in shown
     }
+    sem = "over people" if study.table.repeated else "SD with n - 1"
     averages = study.rows.view(
-        "Average search times [s]: of the rings found, with their standard error (SEM; SD with n - 1), as in "
+        f"Average search times [s]: of the rings found, with their standard error (SEM; {sem}), as in "
         "the paper; with the undetected at the time limit; by a log-normal distribution with them censored.",
         _places(study),
-        [("averages", what, partial(number, digits=1)) for what in own],
+        [("averages", what, partial(number, digits=study.digits)) for what in own],
         ("location", *own.values()),
     )
-    return section("search_averages", [ways, averages])
+    return section("search_averages", [ways, averages], wrong=study.table.wrong.any())

@@ -3,7 +3,8 @@
 ln(time) is normal, with an effect of each place of a ring, of each person, of the half of the session and of
 the order within it; undetected rings are censored at the time limit
 (`analysis.inference.lognormal_times`). The version's effect differs between persons (a random slope), so that
-it is tested between them: docs/decisions/search-inference.md.
+it is tested between them: docs/decisions/search-inference.md. Where people searched a location several times
+in a version, all standard errors are over people.
 
 The effects of ours at the locations, each with its standard error, are values of a line over ln(brightness
 ratio) with a scatter τ of their own, by restricted likelihood (`analysis.inference.mixed_model`; in
@@ -44,6 +45,7 @@ CENSORED = "undetected rings censored"
 DROPPED = "undetected rings left out, as in the paper's average"
 CAPPED = "undetected rings as found at the limit"
 WRONG = "gaps identified wrongly count as undetected"
+RIGHT = "right answers alone: searches that a wrong one ended are left out"
 
 
 def version_fit(table: SearchTable, profiled: bool = True) -> TimesFit:
@@ -68,6 +70,8 @@ def treated_fits(table: SearchTable, overall: TimesFit) -> dict[str, TimesFit]:
     ways = {CENSORED: overall, DROPPED: dropped, CAPPED: capped}
     if table.gaps_known:
         ways[WRONG] = version_fit(table.without_wrong(), False) if wrong.any() else overall
+    if table.wrong.any():
+        ways[RIGHT] = version_fit(table.some(~table.wrong), False)
     return ways
 
 
@@ -84,11 +88,14 @@ def brightness_fit(table: SearchTable) -> TimesFit:
     return _fit(known, {BRIGHTNESS: ours * known.ln_ratio, VERSION: ours}, BRIGHTNESS)
 
 
-def effects_by_location(table: SearchTable) -> dict[int, FixedEffect]:
-    """Return the effect of ours at each location, of one model with one effect for each."""
+def effects_by_location(table: SearchTable, over_people: bool = True) -> dict[int, FixedEffect]:
+    """Return the effect of ours at each location, of one model with one effect for each.
+
+    Of repeated searches it is that for people like these, or else for these people.
+    """
     places = np.unique(table.location).tolist()
     columns = {str(k): _ours(table) * (table.location == k) for k in places}
-    fit = _fit(table, columns, None)
+    fit = _fit(table, columns, None, over_people=over_people)
     return {k: effect_of(fit, str(k)) for k in places}
 
 
@@ -157,11 +164,13 @@ def _fit(
     slope: str | None,
     sums: Mapping[str, Sequence[str]] | None = None,
     profiled: bool = True,
+    over_people: bool = True,
 ) -> TimesFit:
     """Return the model with some columns beside places, half and order.
 
     The column `slope` differs between people; its interval, or those of the sums, go by the profile, unless
-    all are by the standard error. A sum is a contrast: names of columns whose effects are added.
+    all are by the standard error, or by that over people, as those of repeated searches are. A sum is a
+    contrast: names of columns whose effects are added.
     """
     places = _places(table)
     dummies = np.eye(int(places.max(initial=-1)) + 1)[places]
@@ -182,7 +191,8 @@ def _fit(
         slope_column=None if slope is None else names.index(slope),
     )
     wanted = tuple(sums or ()) or (() if slope is None else (slope,))
-    return with_flags(fit_lognormal_times(data, contrasts, wanted if profiled else ()))
+    clustered = over_people and table.repeated
+    return with_flags(fit_lognormal_times(data, contrasts, wanted if profiled else (), clustered=clustered))
 
 
 def with_flags(fit: TimesFit) -> TimesFit:

@@ -35,13 +35,15 @@ from evenlight.analysis.search.search_trials import (
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import participants
 from evenlight.data_schema.analysis_results import Origin, Statistic
-from evenlight.data_schema.arrays import Array, Mask
+from evenlight.data_schema.arrays import Array, Integers, Mask
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchTrial
 
 SLOWING = 0.25  # more than that where ours dims would be a loss (choice; docs/decisions/search-inference.md)
 EVERYWHERE = "all"
 VERSIONS = {"ours": True, "baseline": False}
 CHANCE = 1 / len(ORIENTATIONS)
+SHORT = 2.0  # [s]
+MARGIN = 1.2  # of an axis that ends before the time limit
 NO_SD = 1e-4  # of ln(time): the likelihood is largest at 0, which a search for it nears
 
 RATIO = "time ratio, ours / baseline"
@@ -63,6 +65,7 @@ MEAN_AT_LIMIT, MODEL_MEAN = "mean, undetected at the limit", "mean by the model"
 
 SECONDARY = "secondary, not adjusted"
 MODEL = "log-normal times, undetected rings censored; n: searches in the model"
+SANDWICH = "of repeated searches: standard error over people (sandwich), Student's t"
 CLUSTERED = (
     "Clopper-Pearson interval at the effective number of searches (Korn & Graubard 1998), of all or nothing "
     "at the number of participants; n: searches"
@@ -76,6 +79,11 @@ MCNEMAR = (
     "within people; exact test of McNemar, Holm over locations; interval: what the test does not reject, "
     "joined with that of Bonett and Price"
 )
+OF_MANY = (
+    "within people; interval and p: Student's t over people, standard error at least that of independent "
+    "pairs; Holm over locations"
+)
+KAPLAN_MEIER = "Kaplan-Meier; interval: log-log (Brookmeyer and Crowley)"
 
 NO_SPREAD = "at its lower end: no difference between participants is seen"
 NOT_TOLD = "the data do not tell it from the scatter of searches"
@@ -134,6 +142,28 @@ class Study:
         return participants(len(self.table.participants), self.simulated)
 
     @property
+    def model(self) -> str:
+        """How ratios of times are estimated."""
+        return f"{MODEL}; {SANDWICH}" if self.table.repeated else MODEL
+
+    @property
+    def searches_each(self) -> tuple[int, int]:
+        """How many searches a participant made at a location in a version: the fewest, and the most."""
+        each = searches_of_cells(self.table)
+        return int(each.min()), int(each.max())
+
+    @property
+    def digits(self) -> int:
+        """Decimals of times in tables: more if searches are short."""
+        return 1 if np.median(self.table.times) > SHORT else 2
+
+    def span(self, limit: float) -> float:
+        """Return how far an axis of times goes: to the limit, or less where nearly all took far less [s]."""
+        found = self.table.times[self.table.found]
+        furthest = MARGIN * float(np.quantile(found, 0.99)) if found.size else limit
+        return furthest if furthest < limit / 4 else limit
+
+    @property
     def most(self) -> float:
         """The largest ratio of times that searches can show."""
         return float(self.table.limits.max()) / SHORTEST_TIME
@@ -156,6 +186,12 @@ class Study:
         return f"{side.value} ({self.sides[side]} locations)"
 
 
+def searches_of_cells(table: SearchTable) -> Integers:
+    """Return the number of searches of each participant, location and version that come together."""
+    cells = np.stack([table.participant, table.location, table.ours])
+    return np.unique(cells, axis=1, return_counts=True)[1]
+
+
 def study_of(data: TaskData[SearchTrial], slowing: float = SLOWING) -> tuple[Study, tuple[str, ...]]:
     """Return a search with all its numbers, and what is to be said about its trials.
 
@@ -167,8 +203,9 @@ def study_of(data: TaskData[SearchTrial], slowing: float = SLOWING) -> tuple[Stu
     table, warnings = search_table(data)
     used = models.informative(table)
     by_location = models.effects_by_location(used)
+    of_these_people = models.effects_by_location(used, over_people=False) if used.repeated else by_location
     ln_ratios = table.ln_ratios
-    known = {k: effect for k, effect in by_location.items() if np.isfinite(ln_ratios[k])}
+    known = {k: effect for k, effect in of_these_people.items() if np.isfinite(ln_ratios[k])}
     at_sides, places = table.sides, np.unique(used.location)
     study = Study(
         table=table,
@@ -195,7 +232,7 @@ def study_of(data: TaskData[SearchTrial], slowing: float = SLOWING) -> tuple[Stu
 
 
 def _add_ratio(study: Study, table: str, group: str, effect: FixedEffect, n: int, what: str = RATIO) -> None:
-    study.rows.add(table, group, what, "1", f"{MODEL}; {SECONDARY}", effect.shown(math.exp), n)
+    study.rows.add(table, group, what, "1", f"{study.model}; {SECONDARY}", effect.shown(math.exp), n)
 
 
 # --- models of the times ------------------------------------------------------------------------------------
@@ -310,13 +347,14 @@ def _guessed(correct: Effect) -> Effect:
 
 
 def _add_location_rows(once: SearchTable, rows: Rows) -> None:
-    """Add what was found at each location in either version, in the first session of each person."""
+    """Add what was found at each location in either version: once by each person, or repeatedly."""
     pairs = paired.matched_pairs(once)
     at = [pairs.at(pairs.location == k) for k in range(len(once.locations))]
     none = Effect(None, flag=NO_PAIR)
-    tests = [paired.detections(own) if own.first.size else none for own in at]
+    test, method = (paired.detection_change, OF_MANY) if once.repeated else (paired.detections, MCNEMAR)
+    tests = [test(own) if own.first.size else none for own in at]
     adjusted = holm([test.p_value for test in tests])
-    for k, (place, test) in enumerate(zip(once.locations, tests, strict=True)):
+    for k, (place, found) in enumerate(zip(once.locations, tests, strict=True)):
         add = partial(rows.add, "locations", place.name)
         for version, ours in VERSIONS.items():
             own = once.some((once.location == k) & (once.ours == ours))
@@ -325,26 +363,32 @@ def _add_location_rows(once: SearchTable, rows: Rows) -> None:
             add(f"{FACTOR}, {version}", "1", "", factor, flag=flag, origin=Origin.COMPUTED)
             if own.found.size:
                 _add_cell_rows(rows, place.name, version, own)
-        if test is none:
-            add(CHANGE, "1", "", test)
+        if found is none:
+            add(CHANGE, "1", "", found)
         else:
-            add(CHANGE, "1", MCNEMAR, test, at[k].first.size, p_adjusted=adjusted[k])
+            add(CHANGE, "1", method, found, at[k].first.size, p_adjusted=adjusted[k])
 
 
 def _add_cell_rows(rows: Rows, place: str, version: str, own: SearchTable) -> None:
     n, n_found, seen = own.found.size, int(own.found.sum()), own.times[own.found]
-    curve, of = kaplan_meier(own.times, own.found), f", {version}"
+    curve, of = kaplan_meier(own.times, own.found, own.participant if own.repeated else None), f", {version}"
     add, average = (partial(rows.add, table, place) for table in ("locations", "averages"))
-    share = Effect(n_found / n, *mid_p_interval(n_found, n))
-    add(f"{FOUND}{of}", "1", "interval: mid-p", share, n)
+    share, how = Effect(n_found / n, *mid_p_interval(n_found, n)), "interval: mid-p"
+    if own.repeated:
+        share, how = paired.clustered_share(own.found, own.participant), CLUSTERED
+    add(f"{FOUND}{of}", "1", how, share, n)
     add(f"{LOST}{of}", "1", "", float(n - n_found), n)
-    add(f"{MEDIAN}{of}", "s", "Kaplan-Meier; interval: log-log (Brookmeyer and Crowley)", curve.median, n)
+    method = f"{KAPLAN_MEIER}, standard error over people" if own.repeated else KAPLAN_MEIER
+    add(f"{MEDIAN}{of}", "s", method, curve.median, n)
 
     none, method = "" if n_found else NOBODY, "the paper's; undetected rings are left out"
     average(f"{MEAN}{of}", "s", method, float(seen.mean()) if n_found else None, n_found, flag=none)
     error = float(seen.std(ddof=1)) / math.sqrt(n_found) if n_found > 1 else None
+    if own.repeated and error is not None:
+        error = paired.error_over_people(seen - seen.mean(), own.participant[own.found])
     flag = "" if error is not None else none or ONE_FOUND
-    average(f"{MEAN_ERROR}{of}", "s", "SD with n - 1", error, n_found, flag=flag)
+    method = "over people" if own.repeated else "SD with n - 1"
+    average(f"{MEAN_ERROR}{of}", "s", method, error, n_found, flag=flag)
     method = "undetected rings count with the time limit"
     average(f"{MEAN_AT_LIMIT}{of}", "s", method, float(own.times.mean()), n)
     method = "area under the Kaplan-Meier curve up to the shortest time limit"
@@ -376,7 +420,7 @@ def _add_location_ratios(study: Study, effects: Mapping[int, FixedEffect]) -> No
     """Add the ratio of times at each location, by itself and drawn to the line over all of them."""
     adjusted = dict(zip(effects, holm([effect.p_value for effect in effects.values()]), strict=True))
     names, add = [place.name for place in study.table.locations], partial(study.rows.add, "locations")
-    method, none = f"{MODEL}; p adjusted over locations (Holm)", FixedEffect("")
+    method, none = f"{study.model}; p adjusted over locations (Holm)", FixedEffect("")
     for k, name in enumerate(names):
         ratio, n = effects.get(k, none).shown(math.exp, NOT_IN_MODELS), int((study.used.location == k).sum())
         add(name, RATIO, "1", method, ratio, n, p_adjusted=adjusted.get(k))

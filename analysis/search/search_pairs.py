@@ -1,6 +1,7 @@
 """Searches without a model of times: each person's two of a location, and shares of all.
 
-The two are a pair: the same person, the same room, both versions. Of the exact test of detections (McNemar,
+The two are a pair: the same person, the same room, both versions. Of repeated searches the first in one
+version and the first in the other are one, and so on. Of the exact test of detections (McNemar,
 1947) only pairs count in which one of the two was found; of the Cox model stratified by person and location
 only those in which it is known which was found first: its partial likelihood is that of a logistic regression
 on who comes first (Holt & Prentice, 1974). Searches that took equally long say nothing about it, as their
@@ -106,8 +107,9 @@ class SearchPairs:
 
 
 def matched_pairs(table: SearchTable) -> SearchPairs:
-    """Return each session's two searches of a location side by side."""
+    """Return each session's two searches of a location side by side, repetition by repetition."""
     key = table.session * len(table.locations) + table.location
+    key = key * (int(table.repetition.max(initial=0)) + 1) + table.repetition
     order = np.lexsort((table.ours, key))
     both = np.flatnonzero(key[order][1:] == key[order][:-1])  # each version is there once at most
     base, ours = order[both], order[both + 1]
@@ -184,15 +186,22 @@ def detection_change(pairs: SearchPairs) -> Effect:
     """
     more, n = pairs.more.astype(np.float64), pairs.first.size
     difference = float(more.mean())
-    excess = pairs.sums(more - difference)
-    count = excess.size
+    count = np.unique(pairs.participant).size
     flag = SearchFlag.ONE_PERSON_ONLY.value if count == 1 else "" if more.any() else NONE_DIFFERS
     if flag:
         return Effect(difference, flag=flag)
-    over_people = math.sqrt(count / (count - 1) * float(excess @ excess)) / n
-    error = max(over_people, _bonett_price(n, *pairs.discordant)[1])
+    over_people = error_over_people(more - difference, pairs.participant)
+    error = max(over_people or 0.0, _bonett_price(n, *pairs.discordant)[1])
     found = student_effect("rings found", difference, error, count - 1).shown(lambda x: x)
     return within(found, -1.0, 1.0)
+
+
+def error_over_people(excess: Array, people: Integers) -> float | None:
+    """Return the standard error of a mean over people, from each value less the mean; None of one person."""
+    sums = np.bincount(np.unique(people, return_inverse=True)[1], weights=excess)
+    if sums.size == 1:
+        return None
+    return math.sqrt(sums.size / (sums.size - 1) * float(sums @ sums)) / excess.size
 
 
 def exchanged(pairs: SearchPairs, scores: Integers) -> Effect:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import groupby
 from typing import Any
 
@@ -14,7 +15,7 @@ from evenlight.analysis.rows import Plot
 from evenlight.analysis.search import search_numbers as of
 from evenlight.analysis.search.search_numbers import Study
 from evenlight.analysis.search.search_trials import Location
-from evenlight.analysis.wording import of_track, spaced
+from evenlight.analysis.wording import of_track, percent, spaced
 from evenlight.data_schema.analysis_results import Statistic
 
 ROW = 1.62  # height of a location [em]
@@ -44,8 +45,8 @@ def times_figure(study: Study) -> Drawing:
         style.lines_at(figure, em, lines)
         axes = style.axes_at(figure, left, top, width, height)
         limit = float(study.table.limits.max())
-        axes.set(xlim=(0, 1.04 * limit), ylim=(lowest, highest))
-        _frame(axes, limit)
+        axes.set(xlim=(0, 1.04 * study.span(limit)), ylim=(lowest, highest))
+        _frame(axes, limit, "undetected" if study.table.repeated else "undetected / n")
         plot = Plot(axes, "times", study.rows.origin, ("location", "1", "search time", "s"))
         lost = Plot(axes, "undetected", study.rows.origin, UNDETECTED)
         lost.points = plot.points  # one table, location by location
@@ -60,15 +61,21 @@ def times_figure(study: Study) -> Drawing:
 
 def _heading(study: Study) -> tuple[str, str]:
     searched = [row.n or 0 for row in study.rows.of("locations", of.LOST)]
-    fewest, most = min(searched), max(searched)
-    each = f"{most}" if most == fewest else f"{fewest} to {most}"
+    people, times = _span(searched), ""
+    if study.table.repeated:
+        people, times = f"{len(study.table.participants)}", f" {_span(study.searches_each)} times"
     return (
         "How long it takes to find the ring",
-        f"{'Simulated: ' if study.simulated else ''}{each} participants search each location in each "
-        "version. Within a sequence from the locations that the track brightens most to those that it dims "
-        "most. Bars: 95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end within "
-        "the time limit.",
+        f"{'Simulated: ' if study.simulated else ''}{people} participants search each location{times} "
+        "in each version. Within a sequence from the locations that the track brightens most to those that "
+        "it dims most. Bars: 95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end "
+        "within the time limit.",
     )
+
+
+def _span(numbers: Sequence[int]) -> str:
+    fewest, most = min(numbers), max(numbers)
+    return f"{most}" if most == fewest else f"{fewest} to {most}"
 
 
 def _row_places(locations: tuple[Location, ...]) -> list[float]:
@@ -83,24 +90,25 @@ def _row_places(locations: tuple[Location, ...]) -> list[float]:
     return places
 
 
-def _frame(axes: Axes, limit: float) -> None:
+def _frame(axes: Axes, limit: float, undetected: str) -> None:
     size = style.text_size()
     axes.set_xlabel("search time [s]")
     axes.set_yticks([])
     axes.spines["left"].set_visible(False)
     axes.grid(axis="x", color=style.FAINT, linewidth=size / 18)
-    axes.axvline(limit, color=style.MUTED, linewidth=size / 9, linestyle=(0, (3, 2)), zorder=1)
-    axes.annotate(
-        "time limit",
-        (limit, 1.0),
-        xycoords=("data", "axes fraction"),
-        xytext=(0, 3),
-        ha="center",
-        textcoords="offset points",
-        color=style.MUTED,
-        fontsize=0.9 * size,
-    )
-    for title, start in (("undetected / n", COUNTS), ("brightness factor", FACTORS)):
+    if limit < axes.get_xlim()[1]:
+        axes.axvline(limit, color=style.MUTED, linewidth=size / 9, linestyle=(0, (3, 2)), zorder=1)
+        axes.annotate(
+            "time limit",
+            (limit, 1.0),
+            xycoords=("data", "axes fraction"),
+            xytext=(0, 3),
+            ha="center",
+            textcoords="offset points",
+            color=style.MUTED,
+            fontsize=0.9 * size,
+        )
+    for title, start in ((undetected, COUNTS), ("brightness factor", FACTORS)):
         _write(axes, title, (1.0, -HEADING / ROW), (start, 1.9), color=style.INK)
         for version, (colour, aside, _) in STYLE.items():
             _write(axes, version, (1.0, -HEADING / ROW), (start + aside, 0.6), color=colour)
@@ -136,7 +144,7 @@ def _draw_locations(plot: Plot, lost: Plot, study: Study, places: list[float]) -
         for version, (colour, aside, offset) in STYLE.items():
             undetected = found.get(f"{of.LOST}, {version}")
             lacking = style.LOST if undetected and undetected.value else style.MUTED
-            words = f"{undetected.value:.0f} / {undetected.n}" if undetected else "–"
+            words = _count(undetected, study.table.repeated)
             _write(axes, words, (1.0, place), (COUNTS + aside, 0), va="center", color=lacking)
             if undetected is None:
                 continue
@@ -146,7 +154,7 @@ def _draw_locations(plot: Plot, lost: Plot, study: Study, places: list[float]) -
             median = found[f"{of.MEDIAN}, {version}"]
             ends = (median.ci_low, median.ci_high)
             plot.note(f"median, {version}", None, median.value, location.name, median.n, ends)
-            _draw_median(axes, median, place + offset, colour, float(study.table.limits.max()))
+            _draw_median(axes, median, place + offset, colour, axes.get_xlim()[1] / 1.04)
             mean = found[f"{of.MEAN}, {version}"]
             plot.note(f"mean of found, {version}", None, mean.value, location.name, mean.n)
             lost.note(version, None, undetected.value, location.name, undetected.n)
@@ -154,6 +162,15 @@ def _draw_locations(plot: Plot, lost: Plot, study: Study, places: list[float]) -
                 axes.plot(
                     mean.value, place + offset, "|", color=style.INK, ms=0.62 * size, mew=size / 8, zorder=6
                 )
+
+
+def _count(undetected: Statistic | None, repeated: bool) -> str:
+    """Return how many of the searches had no success: of many, as a share."""
+    if undetected is None or undetected.value is None or not undetected.n:
+        return "–"
+    if repeated:
+        return percent(undetected.value / undetected.n, 0)
+    return f"{undetected.value:.0f} / {undetected.n}"
 
 
 def _draw_median(axes: Axes, median: Statistic, place: float, colour: str, limit: float) -> None:

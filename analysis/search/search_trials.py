@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+from collections import Counter
 from collections.abc import Hashable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -102,14 +103,16 @@ class SearchTable:
     times : array (n,)
         Until found, or the time limit [s].
     found, correct : array (n,) of bool
-        Whether the key was pressed in time, and whether the gap was then identified correctly (as
-        found, where that is unknown).
+        Whether the key was pressed in time, rightly where the key was the answer; and whether the gap was
+        then identified correctly (as found, where that is unknown).
     limits : array (n,)
         The time limit [s].
     visit : array (n,)
         How often that location had been seen before: the block, from 0.
     order : array (n,)
         Place in the block, from the middle of all [tens of trials].
+    repetition : array (n,) of int
+        Which search of the session at that location in that version, from 0.
     gaps_known : bool
         Whether it is known of all rings which way the gap pointed.
     """
@@ -127,6 +130,7 @@ class SearchTable:
     limits: Array
     visit: Array
     order: Array
+    repetition: Integers
     gaps_known: bool = True
 
     @property
@@ -148,6 +152,16 @@ class SearchTable:
     def of_known_brightness(self) -> SearchTable:
         """The trials at locations where both factors are known."""
         return self.some(~np.isnan(self.ln_ratio))
+
+    @property
+    def repeated(self) -> bool:
+        """Whether sessions searched a location several times in a version."""
+        return bool(self.repetition.any())
+
+    @property
+    def wrong(self) -> Mask:
+        """Which searches a wrong answer ended."""
+        return ~self.found & (self.times < self.limits)
 
     @property
     def model_times(self) -> Array:
@@ -177,7 +191,7 @@ def search_table(data: TaskData[SearchTrial]) -> tuple[SearchTable, tuple[str, .
     InputError
         If only one of the two versions was searched in.
     """
-    trials = _first_of_each(data)
+    trials = _counted(data)
     if len({trial.version for trial in trials}) < len(Version):
         raise InputError(
             f"all {len(trials)} searches are of the version {trials[0].version.value!r}; a comparison needs "
@@ -194,8 +208,11 @@ def search_table(data: TaskData[SearchTrial]) -> tuple[SearchTable, tuple[str, .
 def first_sessions(table: SearchTable) -> SearchTable:
     """Return each person's searches of a location in the first session of theirs that has it.
 
-    In rows of one location everybody then counts once: searches of one person are not of several people.
+    In rows of one location everybody then counts once: searches of one person are not of several people. All
+    searches stay where they are repeated: those rows take a person's together then.
     """
+    if table.repeated:
+        return table
     key = table.participant * len(table.locations) + table.location
     first: dict[int, int] = {}
     for one, session in sorted(zip(key.tolist(), table.session.tolist(), strict=True)):
@@ -227,6 +244,7 @@ def _table_of_trials(trials: Sequence[SearchTrial], locations: tuple[Location, .
         limits=np.array([trial.time_limit for trial in trials]),
         visit=(block - block.min()).astype(np.float64),
         order=index / 10,
+        repetition=_counts(zip(visits, place, (trial.version for trial in trials), strict=True)),
         gaps_known=all(trial.ring_orientation is not None for trial in trials),
     )
 
@@ -237,12 +255,25 @@ def _numbered(keys: Iterable[Hashable]) -> Integers:
     return np.array([numbers.setdefault(key, len(numbers)) for key in keys], dtype=np.int64)
 
 
-def _first_of_each(data: TaskData[SearchTrial]) -> list[SearchTrial]:
-    """Return the first search of each session, location and version: after it the ring's place is known."""
-    kept: dict[tuple[str, str, str, str, Version], SearchTrial] = {}
+def _counts(keys: Iterable[Hashable]) -> Integers:
+    """Return how often each key came before."""
+    seen: Counter[Hashable] = Counter()
+    before = []
+    for key in keys:
+        before.append(seen[key])
+        seen[key] += 1
+    return np.array(before, dtype=np.int64)
+
+
+def _counted(data: TaskData[SearchTrial]) -> list[SearchTrial]:
+    """Return the first search of each session, location, version and repetition.
+
+    Another one that is no repetition of the design is of a ring whose place is known.
+    """
+    kept: dict[Hashable, SearchTrial] = {}
     for trial in sorted(data.trials, key=lambda trial: trial.trial_index):
-        key = (trial.participant_id, trial.session_id, trial.sequence, trial.keypoint, trial.version)
-        kept.setdefault(key, trial)
+        where = (trial.sequence, trial.keypoint, trial.version, trial.repetition)
+        kept.setdefault((trial.participant_id, trial.session_id, *where), trial)
     return list(kept.values())
 
 

@@ -123,6 +123,7 @@ def made_table(truth: SearchTruth, rng: np.random.Generator) -> SearchTable:
         limits=np.full(p.size, truth.time_limit),
         visit=half.astype(np.float64),
         order=order,
+        repetition=np.zeros(p.size, dtype=np.int64),
     )
 
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import re
-import statistics
 import unicodedata
 from collections import Counter
 from collections.abc import Iterator
@@ -22,7 +21,7 @@ from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.recordings.participant_ids import participant_codes, participant_id_in
 from evenlight.data_schema.recordings.session import TASKS
-from evenlight.data_schema.recordings.viewing import name_in
+from evenlight.data_schema.recordings.viewing import name_in, repetitions
 
 MOST_SHOWN = 8  # lines that are listed
 COPIED_RAMPS = 10  # rows in the same order that agree in every cell by no chance (choice)
@@ -37,7 +36,11 @@ ANSWERS = {
     "ramp": ("response",),
 }
 # What is answered about: a further answer about it is a repetition.
-ITEMS = {"rating": (*SESSION, "sequence", "version"), "comparison": (*SESSION, "sequence")}
+ITEMS = {
+    "rating": (*SESSION, "sequence", "version"),
+    "comparison": (*SESSION, "sequence"),
+    "search": (*SESSION, "sequence", "keypoint", "version"),
+}
 # One of each group is needed, beside what must be known of each trial and does not follow from others.
 NEEDED = {
     "comparison": (("response", "chosen"),),
@@ -277,33 +280,32 @@ def _of_task(own: _Rows, task: str, display: Display | None) -> Iterator[str]:
     if task == "comparison":
         _choose_intervals(own)
     if task == "search":
-        _censor(own)
+        yield from _censor(own)
+    if task in ("ramp", "search"):
+        _refuse_copied_rows(own)
     if task == "ramp":
-        _refuse_copied_ramps(own)
         yield from complete_ramps(own.rows, own.table, own.taken, display)
 
 
 def _repetitions(own: _Rows, item: tuple[str, ...]) -> Iterator[str]:
-    if "trial_index" not in own.taken.given:
+    numbered, search = "trial_index" in own.taken.given, "search_time" in own.taken.given
+    if not (numbered or search):  # measured times tell copies
         _require_different(
             own,
             item,
             "; if it is a repetition, name the column that counts them (--column repetition=THEIRS) or "
             "the order of trials (--column trial_index=THEIRS), else take it out",
         )
-    else:
+    elif not search:
         _refuse_copies(own, item)
-    cells = Counter(tuple(values[name] for name in item) for _, values in own.rows)
-    several = statistics.median_low(cells.values()) > 1
-    if several:
-        yield "repetition: by trial_index"
-    elif len(cells) < len(own.rows):
+    rows = sorted((values for _, values in own.rows), key=lambda values: values["trial_index"])
+    items = [tuple(values[name] for name in item) for values in rows]
+    for values, number in zip(rows, repetitions(items), strict=True):
+        values["repetition"] = number
+    if max(values["repetition"] for values in rows) > 1:
+        yield f"repetition: by {'trial_index' if numbered else 'the order of rows'}"
+    elif len(set(items)) < len(items):
         yield "repetition: 1 in all rows, as most was answered once; further answers count as repeated rows"
-    counts: Counter[tuple[Any, ...]] = Counter()
-    for _, values in sorted(own.rows, key=lambda row: row[1]["trial_index"]):
-        key = tuple(values[name] for name in item)
-        counts[key] += 1
-        values["repetition"] = counts[key] if several else 1
 
 
 def _refuse_copies(own: _Rows, item: tuple[str, ...]) -> None:
@@ -322,7 +324,7 @@ def _refuse_copies(own: _Rows, item: tuple[str, ...]) -> None:
             )
 
 
-def _refuse_copied_ramps(own: _Rows) -> None:
+def _refuse_copied_rows(own: _Rows) -> None:
     """Refuse many rows on end that a participant has before, in all cells but the index."""
     cells, index = dict(own.table.rows), own.taken.columns.get("trial_index")
     people: dict[str, list[Row]] = {}
@@ -364,15 +366,11 @@ def _choose_intervals(own: _Rows) -> None:
             values["response"] = "first" if ours_chosen == (values["ours_interval"] == 1) else "second"
 
 
-def _censor(own: _Rows) -> None:
-    """Give what was not found the time limit for its time, and refuse a shorter one."""
-    for line, values in own.rows:
-        time, limit = values["search_time"], values["time_limit"]
-        if values["found"] or limit is None:
-            continue
-        if time is not None and time < limit:
-            raise InputError(
-                f"{own.where(line, 'search_time')}: expected nothing, or the time limit of {limit:g} s, "
-                f"where nothing was found, got {time:g} s"
-            )
-        values["search_time"] = limit
+def _censor(own: _Rows) -> Iterator[str]:
+    """Give what was not found the time limit for its time, unless it ended before: with a wrong answer."""
+    lost = [values for _, values in own.rows if not values["found"] and values["time_limit"] is not None]
+    for values in lost:
+        values["search_time"] = min(values["search_time"] or values["time_limit"], values["time_limit"])
+    if wrong := sum(values["search_time"] < values["time_limit"] for values in lost):
+        searches = f"{wrong} search{'es' * (wrong > 1)}"
+        yield f"found: {searches} without success ended before the time limit, with a wrong answer"

@@ -23,6 +23,7 @@ from evenlight.data_schema.storage.tables import number_in
 ALSO_CALLED = {
     "participant_id": ("participant", "participant id", "participant_id", "subject", "subject_id"),
     "session_id": ("session", "session id", "session_id"),
+    "found": ("correct", "accuracy"),
 }
 TRUTHS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 _COMMA_NUMBER, _POINT_NUMBER = re.compile(r"-?\d+,\d+"), re.compile(r"-?\d*\.\d+")

@@ -110,9 +110,14 @@ class SearchTrial(Trial):
     )
     gap_pixels: float | None = quantity("1", "size of the gap on the display, in pixels", above=0.0)
     time_limit: float = quantity("s", "time limit of the search", above=0.0)
-    found: bool = described("true if the key was pressed before the time limit")
+    found: bool = described(
+        "true if the key was pressed before the time limit; false if the key was the answer, and wrong"
+    )
     search_time: float = quantity(
-        "s", "time until the key was pressed; the time limit if nothing was found (censored)", minimum=0.0
+        "s",
+        "time until the key was pressed; the time limit if nothing was found (censored); less, if a wrong "
+        "answer ended the search",
+        minimum=0.0,
     )
     reported_orientation: int | None = quantity(
         "deg", "direction of the gap as the participant reported it; null if nothing was found, or unknown"
@@ -127,6 +132,7 @@ class SearchTrial(Trial):
     n_frames: int | None = as_in(RatingTrial, "n_frames")
     frames_dropped: int | None = as_in(RatingTrial, "frames_dropped")
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
+    repetition: int = count("which search of this version at this location, from 1", minimum=1, default=1)
 
     def __post_init__(self) -> None:
         for name in ("ring_orientation", "reported_orientation"):
@@ -136,15 +142,16 @@ class SearchTrial(Trial):
                     f"{name}_deg must be one of {', '.join(map(str, ORIENTATIONS))}, got {value}"
                 )
         reported = self.reported_orientation is not None
-        if reported != self.found and (reported or self.ring_orientation is not None):
+        answered = self.found or self.search_time < self.time_limit
+        if reported != answered and (reported or self.ring_orientation is not None):
             raise ValueError(
-                "a ring that was found has a reported orientation, where its own is known, and only such a "
-                "ring"
+                "a search that was answered has a reported orientation, where that of the ring is known, and "
+                "only such a search"
             )
-        if self.search_time > self.time_limit or (not self.found and self.search_time != self.time_limit):
+        if self.search_time > self.time_limit:
             raise ValueError(
-                f"search_time_s must be the time limit where nothing was found, and at most that, got "
-                f"{self.search_time:g} of {self.time_limit:g} s"
+                f"search_time_s must be at most the time limit, got {self.search_time:g} of "
+                f"{self.time_limit:g} s"
             )
 
     @property

@@ -5,7 +5,10 @@ from __future__ import annotations
 import enum
 import itertools
 import re
+import statistics
 import unicodedata
+from collections import Counter
+from collections.abc import Hashable, Sequence
 
 from evenlight.data_schema.quantities import as_in, count, described, one_line, quantity, record, share
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response, Trial, TrialFlag
@@ -253,3 +256,20 @@ class ClipLog:
     def __repr__(self) -> str:
         name = f"trial {self.trial_index}"
         return one_line(self, name, self.flip_times, video_frames=self.video_frames, factors=self.factors)
+
+
+def repetitions(items: Sequence[Hashable]) -> list[int]:
+    """Return the number of each answer among those about the same item, from 1, if most have several; else 1.
+
+    Where most was answered once, a further answer is no repetition of the design.
+
+    >>> repetitions(["a", "b", "a", "b"]), repetitions(["a", "b", "c", "a"])
+    ([1, 1, 2, 2], [1, 1, 1, 1])
+    """
+    several = statistics.median_low(Counter(items).values()) > 1
+    counts: Counter[Hashable] = Counter()
+    numbers = []
+    for item in items:
+        counts[item] += 1
+        numbers.append(counts[item] if several else 1)
+    return numbers

@@ -76,9 +76,8 @@ def test_ratings_that_cannot_be_read_are_refused_in_one_line(importing, tmp_path
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
-        (SEARCHES.replace("nein;30", "nein;12"), SEARCH_OPTIONS,
-         ", line 5, column 'zeit': expected nothing, or the time limit of 30 s, where nothing was "
-         'found, got 12 s'),
+        (SEARCHES.replace("2,5", "32,5"), SEARCH_OPTIONS,
+         ', line 4: search_time_s must be at most the time limit, got 32.5 of 30 s'),
         (RAMPS, RAMP_OPTIONS,
          ": ramps need --display, a preset's name or a file: a rate limit holds for the display on "
          'which its ramps were shown, and for no other'),
@@ -88,7 +87,7 @@ def test_ratings_that_cannot_be_read_are_refused_in_one_line(importing, tmp_path
     ],
 )  # fmt: skip
 def test_searches_and_ramps_that_cannot_be_read_are_refused_too(importing, tmp_path, text, options, message):
-    assert said(importing, tmp_path, text, "search" if "zeit" in message else "ramp", options) == message
+    assert said(importing, tmp_path, text, "search" if "search" in message else "ramp", options) == message
 
 
 def test_a_first_line_that_names_the_delimiter_is_counted_and_not_read(importing, tmp_path) -> None:

@@ -138,6 +138,30 @@ def test_searches_are_censored_at_the_limit_and_know_no_ring(importing) -> None:
     assert "time_limit_s: 30 in all rows" in outcome.out
 
 
+def test_an_answer_before_the_limit_without_success_is_a_wrong_one(importing) -> None:
+    outcome, trials = importing(SEARCHES.replace("nein;30", "nein;12"), "search", *SEARCH_OPTIONS)
+    assert [t["search_time_s"] for t in trials] == [3.25, 30.0, 2.5, 12.0]
+    assert "found: 1 search without success ended before the time limit, with a wrong answer" in outcome.out
+
+
+def test_accuracy_tells_what_was_found_and_the_order_of_rows_which_repetition(importing) -> None:
+    header = "participant,sequence,keypoint,version,accuracy,search_time_s"
+    rows = [f"{who},gym,door,{version},{k % 2},{int(who) + 0.1 * k}"
+            for who in "12" for k in range(3) for version in ("ours", "baseline")]  # fmt: skip
+    outcome, trials = importing("\n".join([header, *rows]), "search", "--constant", "time_limit=20")
+    assert [t["repetition"] for t in trials] == [1, 1, 2, 2, 3, 3] * 2
+    assert [t["found"] for t in trials[:6]] == [False, False, True, True, False, False]
+    assert trials[0]["search_time_s"] == 1.0
+    assert "repetition: by the order of rows" in outcome.out
+
+
+def test_rows_that_were_pasted_twice_are_refused(importing, tmp_path) -> None:
+    header = "participant,sequence,keypoint,version,found,search_time_s"
+    rows = [f"1,gym,k{k},ours,yes,{1.1 + 0.37 * k:.2f}" for k in range(12)]
+    outcome, _ = importing("\n".join([header, *rows, *rows]), "search", "--constant", "time_limit=20")
+    assert "lines 14 to 23 are 2 to 11 again, but for the index; a copy?" in refusal(outcome, tmp_path)
+
+
 @pytest.mark.slow
 def test_searches_without_brightness_or_order_are_analysed_without_them(importing, tmp_path, command) -> None:
     """Twelve people find the ring in ours in half the time that they take in the baseline."""
