@@ -282,7 +282,7 @@ def _with_repetitions(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     ordered = rows
     if all(isinstance(row.get("trial_index"), Real) for row in rows):
         ordered = sorted(rows, key=lambda row: row["trial_index"])
-    cell = ("participant_id", "session_id", "sequence", "keypoint", "version")
+    cell = ("participant_id", "sequence", "keypoint", "version")
     items = [tuple(row.get(name) for name in cell) for row in ordered]
     for row, which in zip(ordered, repetitions(items), strict=True):
         row.setdefault("repetition", which)

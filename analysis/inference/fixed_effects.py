@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import enum
+import itertools
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
@@ -23,6 +25,7 @@ FLATTEST = 1e-12  # curvature that counts as one: beyond, a direction runs to in
 PROFILE_STEPS = 40
 ABOVE_THE_TOP = 1e-3  # a profile higher by so much than the maximum shows that it was none
 ROOT_TOLERANCE = 1e-4  # of the signed root of a profile: the interval's end to 1e-4 standard errors
+LARGEST_LN_RATIO = math.log(1e6)  # an end of a ratio beyond is none: nobody's answers tell so much (choice)
 FLAT = 100.0  # a standard error this large, over the range of its column, is that of an effect without bound
 
 
@@ -311,13 +314,19 @@ class FixedEffect:
         Parameters
         ----------
         change : callable
-            Of the unit of the model to that of the row: `math.exp` where this is the logarithm of a ratio.
+            Of the unit of the model to that of the row: `math.exp` where this is the logarithm of a ratio,
+            of which ends beyond a million, or a millionth, are none.
         missing : str
             The flag where there is no estimate and no flag says why.
         """
-        ends = (self.estimate, self.ci_low, self.ci_high)
+        ends, flags = [self.estimate, self.ci_low, self.ci_high], self.flags
+        if change is math.exp:
+            beyond = [x is not None and abs(x) > LARGEST_LN_RATIO for x in ends]
+            ends = [None if far else x for far, x in zip(beyond, ends, strict=True)]
+            new = itertools.compress((FitFlag.NO_BOUNDS, FitFlag.NO_LOWER, FitFlag.NO_UPPER), beyond)
+            flags = tuple(dict.fromkeys((*flags, *new)))
         value, low, high = (None if x is None else change(x) for x in ends)
-        flag = flags_in_words(self.flags) or ("" if value is not None else missing)
+        flag = flags_in_words(flags) or ("" if value is not None else missing)
         return Effect(value, low, high, flag, self.p_value)
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from evenlight.analysis.inference.fixed_effects import FitFlag
 from evenlight.analysis.integrity.gate import confounded_order
 from evenlight.analysis.report import Cell, KeyFigure, Section, Table
 from evenlight.analysis.report_prose import prose, section
@@ -28,6 +29,7 @@ from evenlight.analysis.rows import (
 from evenlight.analysis.search import search_numbers as of
 from evenlight.analysis.search.search_brightness_figure import brightness_figure, curves_figure
 from evenlight.analysis.search.search_numbers import EVERYWHERE, RATIO, SLOWING, VERSIONS, Study, study_of
+from evenlight.analysis.search.search_pairs import SearchFlag
 from evenlight.analysis.search.search_times_figure import times_figure
 from evenlight.analysis.search.search_trials import ABOUT_EQUAL, BrightnessEffect
 from evenlight.analysis.session_loading import TaskData
@@ -40,6 +42,7 @@ ALPHA = 0.05
 MORE = 0.1  # light in the example of what the slope means
 RATIO_NAMES = ("ratio", "95 % CI", "p")
 UNDETECTED_NAMES = ("undetected: the track", "baseline", "p", "p (Holm)")
+SEPARATED = (FitFlag.SEPARATED, SearchFlag.OURS_FIRST, SearchFlag.BASELINE_FIRST)
 PAIR_NAMES = ("the track first", "baseline first", "after the same time", "not known")
 
 
@@ -77,9 +80,17 @@ def search_findings(data: TaskData[SearchTrial], slowing: float = SLOWING) -> An
         rows=tuple(study.rows),
         drawings=drawings,
         sections=tuple(replace(own, simulated=study.simulated) for own in sections),
-        warnings=(*data.warnings, *warnings),
+        warnings=(*data.warnings, *warnings, *_separations(study)),
         key_figures=key_figures_of(study, confound),
     )
+
+
+def _separations(study: Study) -> Iterator[str]:
+    """Yield which effect has no bound, as one version was always found, or found first."""
+    for table, what in (("versions", RATIO), ("first found", of.HAZARD)):
+        row = study.rows.find(table, EVERYWHERE, what)
+        if row and any(flag.value in row.flag for flag in SEPARATED):
+            yield f"search: {what}: {row.flag}"
 
 
 # --- first lines --------------------------------------------------------------------------------------------
@@ -155,7 +166,7 @@ def key_figures_of(study: Study, confound: str = "") -> tuple[KeyFigure, ...]:
         figures.append(KeyFigure(confound, "order and version cannot be told apart", warns=True))
     elif len(study.table.participants) == 1:
         figures.append(KeyFigure("1 participant", "nothing is said of other people", warns=True))
-    elif study.pairs.unpaired:
+    elif study.pairs.unpaired and not study.table.repeated:
         words = f"of {study.table.times.size} have no partner in the other version"
         figures.append(KeyFigure(counted(study.pairs.unpaired, "search", "searches"), words, warns=True))
     return tuple(figures)

@@ -115,6 +115,8 @@ class SearchTable:
         Which search of the session at that location in that version, from 0.
     gaps_known : bool
         Whether it is known of all rings which way the gap pointed.
+    repeated : bool
+        Whether the design has several searches of a person at a location in a version.
     """
 
     locations: tuple[Location, ...]
@@ -132,6 +134,7 @@ class SearchTable:
     order: Array
     repetition: Integers
     gaps_known: bool = True
+    repeated: bool = False
 
     @property
     def ln_ratios(self) -> Array:
@@ -152,11 +155,6 @@ class SearchTable:
     def of_known_brightness(self) -> SearchTable:
         """The trials at locations where both factors are known."""
         return self.some(~np.isnan(self.ln_ratio))
-
-    @property
-    def repeated(self) -> bool:
-        """Whether sessions searched a location several times in a version."""
-        return bool(self.repetition.any())
 
     @property
     def wrong(self) -> Mask:
@@ -246,6 +244,7 @@ def _table_of_trials(trials: Sequence[SearchTrial], locations: tuple[Location, .
         order=index / 10,
         repetition=_counts(zip(visits, place, (trial.version for trial in trials), strict=True)),
         gaps_known=all(trial.ring_orientation is not None for trial in trials),
+        repeated=any(trial.repetition > 1 for trial in trials),
     )
 
 
@@ -314,7 +313,8 @@ def _warnings(
             "out"
         )
     people = {trial.participant_id for trial in trials}
-    if len({(trial.participant_id, trial.session_id) for trial in trials}) > len(people):
+    repeated = any(trial.repetition > 1 for trial in trials)
+    if not repeated and len({(trial.participant_id, trial.session_id) for trial in trials}) > len(people):
         yield (
             "search: a participant took part in several sessions; rows of one location take the first "
             "session with it alone, and practice (halves, order) is that within a session"

@@ -139,6 +139,7 @@ def repeated_table(truth: RepeatedTruth, rng: np.random.Generator) -> SearchTabl
         order=(index - index.mean()) / 10,
         repetition=repetition,
         gaps_known=False,
+        repeated=True,
     )
 
 

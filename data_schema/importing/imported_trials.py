@@ -39,7 +39,7 @@ ANSWERS = {
 ITEMS = {
     "rating": (*SESSION, "sequence", "version"),
     "comparison": (*SESSION, "sequence"),
-    "search": (*SESSION, "sequence", "keypoint", "version"),
+    "search": ("participant_id", "sequence", "keypoint", "version"),
 }
 # One of each group is needed, beside what must be known of each trial and does not follow from others.
 NEEDED = {
@@ -298,13 +298,14 @@ def _repetitions(own: _Rows, item: tuple[str, ...]) -> Iterator[str]:
         )
     elif not search:
         _refuse_copies(own, item)
-    rows = sorted((values for _, values in own.rows), key=lambda values: values["trial_index"])
+    rows = [values for _, values in own.rows]
+    rows.sort(key=lambda values: (values["session_id"], values["trial_index"]))
     items = [tuple(values[name] for name in item) for values in rows]
     for values, number in zip(rows, repetitions(items), strict=True):
         values["repetition"] = number
     if max(values["repetition"] for values in rows) > 1:
         yield f"repetition: by {'trial_index' if numbered else 'the order of rows'}"
-    elif len(set(items)) < len(items):
+    elif not search and len(set(items)) < len(items):
         yield "repetition: 1 in all rows, as most was answered once; further answers count as repeated rows"
 
 

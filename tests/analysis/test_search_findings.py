@@ -174,6 +174,13 @@ def test_a_version_in_which_nothing_was_found_separates() -> None:
     assert hazard.p_value is None
     exact = rows["first found", "all", "pairs, ours found first - baseline found first"]
     assert exact.p_value == 2.0**-2  # three people, each with a negative sum
+    warned = search_findings(
+        task_data(tuple(lost(t) if t.version is Version.OURS else t for t in searches(3)))
+    )
+    assert [words.partition(": ")[2] for words in warned.warnings] == [
+        f"{RATIO}: {ratio.flag}",
+        f"hazard ratio, ours / baseline: {hazard.flag}",
+    ]
 
 
 @pytest.mark.parametrize("time", [30.0, 5.0])

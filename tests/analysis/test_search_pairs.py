@@ -10,6 +10,7 @@ from scipy import stats
 from statsmodels.duration.hazard_regression import PHReg
 from statsmodels.stats.contingency_tables import mcnemar
 
+from evenlight.analysis.inference.fixed_effects import student_effect
 from evenlight.analysis.search.search_pairs import (
     SearchFlag,
     SearchPairs,
@@ -188,6 +189,15 @@ def test_one_person_has_an_interval_of_that_person_and_a_flag() -> None:
     assert found.standard_error == pytest.approx(math.sqrt(1 / 3 + 1))
     change = detection_change(pairs_of([1, 1, 1, -1], [0] * 4, [0] * 4))
     assert (change.ci_low, change.ci_high) == (None, None)
+
+
+def test_an_end_of_a_ratio_beyond_a_million_is_none_and_said() -> None:
+    # As of two people with ours first in 3 of 4 pairs: ln 3 ± 12.7 √(1/3 + 1), to seven millions.
+    found = student_effect("ours", math.log(3), math.sqrt(4 / 3), 1).shown(math.exp)
+    assert found.value == pytest.approx(3.0)
+    assert found.ci_low == pytest.approx(3.0 * math.exp(-stats.t.ppf(0.975, 1) * math.sqrt(4 / 3)))
+    assert found.ci_high is None
+    assert found.flag == "the interval has no upper end"
 
 
 def test_the_exact_test_exchanges_whole_people() -> None:
