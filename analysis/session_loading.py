@@ -13,8 +13,10 @@ from evenlight.data_schema.provenance import sha256_of_bytes, sha256_of_file
 from evenlight.data_schema.recordings.dataset_layout import MANIFEST, TRIALS
 from evenlight.data_schema.recordings.ramp import RampDesign
 from evenlight.data_schema.recordings.ramp import Trial as AnyTrial
+from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, RatingScale
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse, call_roll
 from evenlight.data_schema.recordings.session import WHOLE, SessionManifest
+from evenlight.data_schema.recordings.viewing import RatingTrial
 from evenlight.data_schema.storage.text_files import read_json, read_json_lines
 
 Trial = TypeVar("Trial", bound=AnyTrial)
@@ -79,6 +81,8 @@ class TaskData(Generic[Trial]):
         Trials that were not read from sessions, as of a table in memory (`task_data_of`).
     roll : RollCall or None
         All sessions of the data set, those of other tasks too; None of trials in memory.
+    scale : RatingScale
+        Of ratings.
     """
 
     task: str
@@ -88,6 +92,7 @@ class TaskData(Generic[Trial]):
     warnings: tuple[str, ...]
     rows: tuple[Trial, ...] = ()
     roll: RollCall | None = None
+    scale: RatingScale = ONE_TO_FIVE
 
     @property
     def trials(self) -> tuple[Trial, ...]:
@@ -197,10 +202,17 @@ def load_task(dataset: Path, task: str, cls: type[Trial], roll: RollCall | None 
         raise InputError(
             f"{dataset}: holds simulated and recorded {task} sessions; put them in two data sets"
         )
+    scales = {session.manifest.scale: session.folder for session in sessions}
+    if len(scales) > 1:
+        told = " and ".join(f"{scale} ({folder.relative_to(dataset)})" for scale, folder in scales.items())
+        raise InputError(
+            f"{dataset}: ratings on different scales, {told}; put them in data sets of their own"
+        )
     files = [session.folder / name for session in sessions for name in (MANIFEST, TRIALS)]
     digests = (f"{path.relative_to(dataset).as_posix()} {sha256_of_file(path)}\n" for path in files)
     sha256 = sha256_of_bytes("".join(digests).encode())
-    return TaskData(task, tuple(sessions), simulated.pop(), sha256, tuple(warnings), roll=roll)
+    scale = next(iter(scales))
+    return TaskData(task, tuple(sessions), simulated.pop(), sha256, tuple(warnings), roll=roll, scale=scale)
 
 
 def _nothing_to_read(dataset: Path, task: str, roll: RollCall, flagged: int) -> str:
@@ -248,3 +260,5 @@ def _require_own(trial: AnyTrial, manifest: SessionManifest, path: Path) -> None
                 f"{path}: trial {trial.trial_index}: {name} is {got!r}, but {right!r} in the session's "
                 f"{MANIFEST}"
             )
+    if isinstance(trial, RatingTrial) and (problem := manifest.scale.refusal(trial.rating)):
+        raise InputError(f"{path}: trial {trial.trial_index}: {problem}")

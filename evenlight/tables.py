@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from numbers import Real
 from os import PathLike
 from typing import TYPE_CHECKING, Any
@@ -17,12 +18,13 @@ from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.ramp_loading import RampData
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import task_data_of
-from evenlight.data_schema.arguments import choice, flag, must_be_one_of, number, whole
+from evenlight.data_schema.arguments import choice, flag, must_be_one_of, number, text, whole
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
+from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, scale_of
 from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.recordings.viewing import repetitions
 from evenlight.method.preset_files import load_display
@@ -120,6 +122,7 @@ def analyze(
     seed: int = 1,
     margin: float = DEFAULT_MARGIN,
     slowing: float = DEFAULT_SLOWING,
+    scale: str | None = None,
 ) -> Analysis:
     """Compute the statistics of ratings, comparisons or search times in a plain table.
 
@@ -144,6 +147,9 @@ def analyze(
         Comparison: shares within 0.5 ± margin count as no difference.
     slowing : float
         Search: times that are longer by less than this share count as no slowing.
+    scale : str, optional
+        Rating: the scale, as "1..7", "0..100" or "1..5:0.5". Else the smallest usual one that holds all
+        ratings, which a warning names where it is not 1 to 5 in whole points.
 
     Returns
     -------
@@ -168,7 +174,14 @@ def analyze(
     options = AnalysisOptions(
         seed=whole("seed", seed), margin=number("margin", margin), slowing=number("slowing", slowing)
     )
-    return task_findings(task_data_of(task, trials, simulated), options)
+    data = task_data_of(task, trials, simulated)
+    if task == "rating":
+        given = [(f"row {row} of the table", trial.rating) for row, trial in enumerate(trials)]
+        own, said = scale_of(given, "" if scale is None else text("scale", scale), "scale")
+        data = replace(data, scale=own, warnings=() if scale is not None or own == ONE_TO_FIVE else (said,))
+    elif scale is not None:
+        raise ArgumentError("scale", f"is of ratings, not of a {task}")
+    return task_findings(data, options)
 
 
 def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:

@@ -39,6 +39,7 @@ from evenlight.analysis.inference.fixed_effects import (
     profiled_effect,
     walled,
 )
+from evenlight.analysis.inference.lognormal_times import TimesFit
 from evenlight.analysis.inference.mixed_designs import (
     GroupedModel,
     grouped_design,
@@ -271,22 +272,22 @@ def _without_numbers(data: OrdinalData, n_groups: int, flags: tuple[FitFlag, ...
     return OrdinalFit(effects, (), math.nan, None, intercept, None, data.responses.size, n_groups, flags)
 
 
-def no_ratio(fit: OrdinalFit) -> str:
+def no_ratio(fit: OrdinalFit | TimesFit) -> str:
     """Return why the likelihood of a fit cannot be tested against another's; empty if it can."""
     return flags_in_words(flag for flag in fit.flags if flag in NO_RATIO)
 
 
-def shown_effect(fit: OrdinalFit, effect: FixedEffect) -> FixedEffect:
+def shown_effect(fit: OrdinalFit | TimesFit, effect: FixedEffect) -> FixedEffect:
     """Return an effect of a fit as it may be shown: without numbers where the fit has none."""
     why = _without(fit)
     return FixedEffect(effect.name, flags=why) if why else effect
 
 
-def _without(fit: OrdinalFit) -> tuple[FitFlag, ...]:
+def _without(fit: OrdinalFit | TimesFit) -> tuple[FitFlag, ...]:
     return tuple(flag for flag in fit.flags if flag in WITHOUT_NUMBERS)
 
 
-def shown_spread(fit: OrdinalFit, spread: float | None) -> tuple[float | None, str]:
+def shown_spread(fit: OrdinalFit | TimesFit, spread: float | None) -> tuple[float | None, str]:
     """Return a fit's SD of level or slope between participants, and its flag: the reason if there is none."""
     why = _without(fit)
     if not why and FitFlag.ONE_PARTICIPANT in fit.flags:

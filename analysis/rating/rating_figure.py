@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from collections import Counter
-from typing import Any
+from fractions import Fraction
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -14,22 +17,57 @@ from evenlight.analysis.results import Drawing
 from evenlight.analysis.rows import Plot
 from evenlight.analysis.wording import in_words, of_track, p_in_words, p_text
 from evenlight.data_schema.analysis_results import Statistic
-from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, Version
+from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.recordings.rating_scale import RatingScale, exact
+from evenlight.data_schema.recordings.viewing import Version
 
 Look = dict[str, Any]
 COLUMNS = 4  # panels side by side
 PANEL_HEIGHT, ROW_HEIGHT = 11.0, 4.2  # of the ratings of a sequence, of a row of differences [em]
 SIDES = {Version.BASELINE: (-1, style.BASELINE), Version.OURS: (1, style.OURS)}
-RATINGS = range(LOWEST_RATING, HIGHEST_RATING + 1)
+MOST_BARS = 11  # bars of single ratings, as of 0 to 10; more stand together in up to 10
 MEAN_SERIES = "mean and 95 % confidence interval"
 _WHITE = {"facecolor": "white", "edgecolor": "none", "pad": 0.4}  # behind a number that a line would cross
 _BESIDE: Look = {"textcoords": "offset points", "annotation_clip": False}
 
 
+class Bins(NamedTuple):
+    """What ratings are counted in, each number or some that lie together: names, ends, whether each is one.
+
+    What lies at an end belongs to the next bin, but for the last.
+    """
+
+    names: tuple[str, ...]
+    ends: Array
+    single: bool
+
+    @property
+    def middles(self) -> Array:
+        """Their middles [rating points]."""
+        return np.asarray((self.ends[1:] + self.ends[:-1]) / 2)
+
+
+def bins_of(scale: RatingScale) -> Bins:
+    """Return what ratings on a scale are counted in.
+
+    >>> bins_of(RatingScale()).names, bins_of(RatingScale(1, 9, 0.5)).names[0]
+    (('1', '2', '3', '4', '5'), '1 to 2')
+    """
+    low, steps = exact(scale.lowest), scale.range / scale.unit
+    single = bool(scale.step) and steps < MOST_BARS
+    number = int(steps) + 1 if single else next((k for k in range(10, 4, -1) if steps % k == 0), 10)
+    width = scale.unit if single else scale.range / number
+    ends = np.array([float(low + (k - Fraction(single, 2)) * width) for k in range(number + 1)])
+    told = [f"{float(low + k * width):g}" for k in range(number + 1)]
+    pairs = [f"{one} to {other}" for one, other in itertools.pairwise(told)]
+    return Bins(tuple(told[:-1] if single else pairs), ends, single)
+
+
 def rating_figure(ratings: Ratings) -> Drawing:
     """Draw the ratings of each sequence, and below them the differences."""
+    counted = "of each value" if bins_of(ratings.data.scale).single else "in each range"
     bars = (
-        "Bars: how many ratings of each value, constant dimming (baseline) to the left, the track to the "
+        f"Bars: how many ratings {counted}, constant dimming (baseline) to the left, the track to the "
         "right. Diamonds: means with 95 % confidence intervals."
     )
     who = "simulated participant" if ratings.data.simulated else "participant"
@@ -51,7 +89,8 @@ def rating_figure(ratings: Ratings) -> Drawing:
             axes = style.axes_at(figure, across, top + row * step, wide, PANEL_HEIGHT * em)
             plots.append(_draw_ratings(axes, ratings, name))
             axes.tick_params(labelleft=column == 0)
-            axes.set_ylabel("rating (5 is best)" if column == 0 else "")
+            best = f"rating ({ratings.data.scale.highest:g} is best)"
+            axes.set_ylabel(best if column == 0 else "")
         style.text_at(figure, left, below - 1.9 * em, differences, fontweight="bold")
         names, numbers = 7.0 * em, 16.3 * em
         axes = style.axes_at(figure, left + names, below, width - names - numbers, height)
@@ -66,10 +105,11 @@ def rating_figure(ratings: Ratings) -> Drawing:
 
 def _draw_ratings(axes: Axes, ratings: Ratings, name: str) -> Plot:
     plot = Plot(axes, name, ratings.rows.origin, ("number of ratings", "1", "rating", POINTS))
-    given = Counter((t.version, t.rating) for t in ratings.data.trials if t.sequence == name)
-    most, size = max(given.values(), default=1), style.text_size()
+    bins, size = bins_of(ratings.data.scale), style.text_size()
+    given = {v: np.histogram(ratings.given(name, v), bins.ends)[0].tolist() for v in SIDES}
+    most = max(*map(max, given.values()), 1)
     for version in SIDES:
-        _draw_version(plot, version, {k: given[version, k] for k in RATINGS})
+        _draw_version(plot, version, bins, given[version])
     for version, (side, colour) in SIDES.items():
         if mean := ratings.rows.find("means", name, f"mean rating, {version.value}"):
             units = ("version", "1", "mean rating", POINTS)
@@ -79,24 +119,26 @@ def _draw_ratings(axes: Axes, ratings: Ratings, name: str) -> Plot:
             _name_version(axes, version, mean.n)
     axes.axvline(0, color="white", linewidth=size / 9)
     axes.set_xlim(-1.8 * most, 1.8 * most)
-    axes.set_ylim(LOWEST_RATING - 0.6, HIGHEST_RATING + 0.6)
-    axes.set(xticks=[], yticks=list(RATINGS))
+    beyond = 0.1 * float(bins.ends[1] - bins.ends[0])
+    axes.set_ylim(bins.ends[0] - beyond, bins.ends[-1] + beyond)
+    axes.set(xticks=[], yticks=bins.middles if bins.single else bins.ends)
     axes.spines["bottom"].set_visible(False)
     axes.set_title(style.drawable(in_words(name)), loc="left", fontweight="bold")
     return plot
 
 
-def _draw_version(plot: Plot, version: Version, counts: dict[int, int]) -> None:
-    (side, colour), size, total = SIDES[version], style.text_size(), sum(counts.values())
-    series, bar = f"{version.value}, ratings", {"height": 0.78, "color": colour, "linewidth": 0}
+def _draw_version(plot: Plot, version: Version, bins: Bins, counts: list[int]) -> None:
+    (side, colour), size, total = SIDES[version], style.text_size(), sum(counts)
+    height = 0.78 * float(bins.ends[1] - bins.ends[0])
+    series, bar = f"{version.value}, ratings", {"height": height, "color": colour, "linewidth": 0}
     text: Look = {
         "va": "center",
         "ha": "left" if side > 0 else "right",
         "fontsize": 0.8 * size,
         "color": style.MUTED,
     }
-    for rating, n in counts.items():
-        plot.bar(series, float(n), float(rating), total, across=True, side=side, **bar)
+    for rating, n in zip(bins.middles.tolist(), counts, strict=True):
+        plot.bar(series, float(n), rating, total, across=True, side=side, **bar)
         if n:
             at, beside = (side * n, rating), (side * 0.25 * size, 0)
             plot.axes.annotate(f"{n}", at, xytext=beside, **text, **_BESIDE)
@@ -109,9 +151,17 @@ def _name_version(axes: Axes, version: Version, n: int | None) -> None:
     axes.annotate(f"{of_track(version.value)}\nn = {n}", (max(side, 0), 0), **below, **look)
 
 
-def _difference_counts(pair: Sample) -> tuple[dict[float, int], float]:
+def _finest(ratings: Ratings) -> float:
+    """Return the narrowest bins of differences [rating points]: of 1 to 5, a quarter; of others, as fine."""
+    seen = max((abs(x) for pair in ratings.pairs.values() for x in pair.values), default=0.0)
+    wanted = min(ratings.largest, max(4.0, 2 * seen)) / 16
+    power = 10.0 ** math.floor(math.log10(wanted))
+    return next(nice * power for nice in (1, 2.5, 5, 10) if nice * power >= wanted)
+
+
+def _difference_counts(pair: Sample, finest: float) -> tuple[dict[float, int], float]:
     """Return how many participants have each difference, in bins, and their width [rating points]."""
-    width = max(pair.step, 0.25) if pair.of else 1.0
+    width = max(pair.step, finest) if pair.of else 1.0
     return dict(sorted(Counter((np.round(pair.values / width) * width).tolist()).items())), width
 
 
@@ -119,7 +169,8 @@ def _draw_differences(axes: Axes, ratings: Ratings) -> Plot:
     """Draw, a row for each sequence, how many participants have each difference, and the mean."""
     units = ("ours less baseline", POINTS, "number of participants", "1")
     plot = Plot(axes, "differences", ratings.rows.origin, units)
-    drawn = {name: _difference_counts(pair) for name, pair in ratings.shown.items()}
+    finest = _finest(ratings)
+    drawn = {name: _difference_counts(pair, finest) for name, pair in ratings.shown.items()}
     size, scale = (
         style.text_size(),
         0.6 / max(max(counts.values(), default=1) for counts, _ in drawn.values()),
@@ -130,14 +181,14 @@ def _draw_differences(axes: Axes, ratings: Ratings) -> Plot:
         axes.axhline(floor, color=style.FAINT, linewidth=size / 14, zorder=0)
         for x, count in counts.items():
             plot.note(f"{name}, bins of {width:g}", x, float(count), n=sum(counts.values()))
-        _draw_counts(axes, floor, scale, counts, width)
+        _draw_counts(axes, floor, scale, counts, width, labelled=0.8 * width > 1.2 * finest)
         if mean := ratings.rows.find("differences", name, MEAN):
             at = floor - 0.13
             plot.interval(
                 MEAN_SERIES, name, mean, at, size, of_mean, upright=False, color=style.INK, zorder=3
             )
             _write_beside(axes, floor + 0.12, name, mean, several=len(ratings.pairs) > 1)
-    reach = max([1.6, *(abs(x) + 0.5 for counts, _ in drawn.values() for x in counts)])
+    reach = max([6.4 * finest, *(abs(x) + 2 * finest for counts, _ in drawn.values() for x in counts)])
     axes.axvline(0, color=style.INK, linewidth=size / 14, zorder=0.5)
     axes.set(xlim=(-reach, reach), ylim=(-len(drawn) + 0.68, 0.85), yticks=[])
     axes.set_xlabel("difference [rating points]:   baseline better  ←   →  the track better")
@@ -145,7 +196,9 @@ def _draw_differences(axes: Axes, ratings: Ratings) -> Plot:
     return plot
 
 
-def _draw_counts(axes: Axes, floor: float, scale: float, counts: dict[float, int], width: float) -> None:
+def _draw_counts(
+    axes: Axes, floor: float, scale: float, counts: dict[float, int], width: float, *, labelled: bool
+) -> None:
     size = style.text_size()
     text: Look = {
         "ha": "center",
@@ -157,7 +210,7 @@ def _draw_counts(axes: Axes, floor: float, scale: float, counts: dict[float, int
     for x, count in counts.items():
         colour = style.OURS if x > 0 else style.BASELINE if x < 0 else style.PARTICIPANT
         axes.bar(x, scale * count, bottom=floor, width=0.8 * width, color=colour, linewidth=0)
-        if 0.8 * width > 0.3:
+        if labelled:
             above, beside = (x, floor + scale * count), (0, 0.1 * size)
             axes.annotate(f"{count}", above, xytext=beside, textcoords="offset points", **text)
 

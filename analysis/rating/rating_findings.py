@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from dataclasses import replace
 from functools import partial
 
@@ -12,7 +11,7 @@ import numpy as np
 from evenlight.analysis.inference.paired_effects import Effect, mean_difference, within
 from evenlight.analysis.integrity.gate import confounded_order
 from evenlight.analysis.rating import rating_pairs as pairs
-from evenlight.analysis.rating.rating_figure import rating_figure
+from evenlight.analysis.rating.rating_figure import bins_of, rating_figure
 from evenlight.analysis.rating.rating_model import model_ratings
 from evenlight.analysis.rating.rating_order import PLACE, describe_order
 from evenlight.analysis.rating.rating_pairs import ALL, MEAN, POINTS, Ratings, Sample, different_sequences
@@ -24,9 +23,11 @@ from evenlight.analysis.rows import count, how_sure, number, significant, with_i
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import in_words, listed, of_track, p_in_words, people_noun, spaced
 from evenlight.data_schema.analysis_results import Statistic
-from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
+from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, RatingScale
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
-RATINGS = range(LOWEST_RATING, HIGHEST_RATING + 1)
+MOST_COUNTS = 7  # columns of the versions' table for single ratings; quartiles stand for more
+QUARTILES = {"lower quartile": 25, "median": 50, "upper quartile": 75}
 ERRORS = ("standard error", "standard error, population SD")
 
 
@@ -57,13 +58,14 @@ def rating_findings(data: TaskData[RatingTrial], seed: int = 1) -> Analysis:
 
 
 def _lead(ratings: Ratings) -> str:
-    different = different_sequences(ratings)
+    different, scale = different_sequences(ratings), ratings.data.scale
     return prose(
         "rating_lead",
         mean=ratings.rows.find("differences", next(reversed(ratings.shown)), MEAN),
         people=ratings.people,
         simulated=ratings.data.simulated,
         rated=len(ratings.rated),
+        scale="" if scale == ONE_TO_FIVE else f"{scale.lowest:g} to {scale.highest:g}",
         different=None if different is None else len(different),
         confound=confounded_order(ratings.data),
         order_unknown=all(trial.place_in_pair is None for trial in ratings.data.trials),
@@ -115,20 +117,24 @@ def _warnings(ratings: Ratings) -> list[str]:
 
 def describe_versions(ratings: Ratings) -> Section:
     """Add mean, spread, median and distribution of each version; return the paper's table."""
-    rows = ratings.rows
+    rows, scale = ratings.rows, ratings.data.scale
+    bins = bins_of(scale)
     for (name, version), sample in ratings.means.items():
         n, values, of = len(sample.of), sample.values, f", {version.value}"
-        own = (t for t in ratings.data.trials if t.sequence == name and t.version is version)
-        given = Counter(trial.rating for trial in own)
+        given = ratings.given(name, version)
         add = partial(rows.add, "means", name)
         method = f"mean over participants; interval: {pairs.ADJUSTED_T}"
-        add(f"mean rating{of}", POINTS, method, _mean_rating(sample), n)
+        add(f"mean rating{of}", POINTS, method, _mean_rating(sample, scale), n)
         if n:
             _add_spread(add, sample, of)
             add(f"median rating{of}", POINTS, "over participants", float(np.median(values)), n)
-        for k in RATINGS:
-            what, number_of = f"ratings of {k}{of}", float(given[k])
-            rows.add("distribution", name, what, "1", "n: all ratings", number_of, given.total())
+        for k, number_of in zip(bins.names, np.histogram(given, bins.ends)[0], strict=True):
+            what = f"ratings of {k}{of}"
+            rows.add("distribution", name, what, "1", "n: all ratings", float(number_of), len(given))
+        if given and not _counted(scale):
+            for what, share in QUARTILES.items():
+                value = float(np.percentile(given, share))
+                rows.add("distribution", name, f"{what}{of}", POINTS, "of all ratings", value, len(given))
     return section(
         "rating_versions",
         (_versions_table(ratings),),
@@ -147,7 +153,7 @@ def _add_spread(add: partial[None], sample: Sample, of: str) -> None:
     add(f"standard deviation{of}", POINTS, "with n - 1", sd, n, flag=one)
 
 
-def _mean_rating(sample: Sample) -> Effect:
+def _mean_rating(sample: Sample, scale: RatingScale) -> Effect:
     """Return the mean over participants, with the interval of a mean difference from their median."""
     values = sample.values
     if not values.size:
@@ -159,22 +165,33 @@ def _mean_rating(sample: Sample) -> Effect:
     why = alike if about.flag else ""
     if values.size == 1:
         why = "one rating: no interval"
-    return within(Effect(float(values.mean()), low, high, why), LOWEST_RATING, HIGHEST_RATING)
+    return within(Effect(float(values.mean()), low, high, why), scale.lowest, scale.highest)
+
+
+def _counted(scale: RatingScale) -> tuple[str, ...]:
+    """Return the ratings whose numbers the table has; none where there are too many for that."""
+    bins = bins_of(scale)
+    return bins.names if bins.single and len(bins.names) <= MOST_COUNTS else ()
 
 
 def _versions_table(ratings: Ratings) -> Table:
-    rows, given_names = list[tuple[Cell, ...]](), [f"“{k}”" for k in RATINGS]
+    scale, rows = ratings.data.scale, list[tuple[Cell, ...]]()
+    counted = _counted(scale)
     for name in ratings.sequences:
         for v in (Version.BASELINE, Version.OURS):
             means, given = (partial(ratings.rows.find, table, name) for table in ("means", "distribution"))
             mean, ends = with_interval(means(f"mean rating, {v.value}"))
             errors = [number(means(f"{what}, {v.value}"))[0] for what in ERRORS]
-            counts = [count(given(f"ratings of {k}, {v.value}"))[0] for k in RATINGS]
+            counts = [count(given(f"ratings of {k}, {v.value}"))[0] for k in counted]
+            counts = counts or [number(given(f"{what}, {v.value}"))[0] for what in QUARTILES]
             n = len(ratings.means[name, v].of)
             rows.append((in_words(name), of_track(v.value), mean, *errors, ends, *counts, n))
+    span = f"{scale.lowest:g} to {scale.highest:g}"
+    words = f"how many ratings of {span} were given" if counted else f"quartiles of all ratings of {span}"
+    given_names = [f"“{k}”" for k in counted] or list(QUARTILES)
     return Table(
-        "Ratings of each version: mean over n participants with 95 % confidence interval (CI), and how many "
-        "ratings of 1 to 5 were given. The standard error of the mean (SEM) is the SD over the root of n; "
+        f"Ratings of each version: mean over n participants with 95 % confidence interval (CI), and {words}. "
+        "The standard error of the mean (SEM) is the SD over the root of n; "
         "the SD is divided by n - 1, or by n (population SD).",
         ("sequence", "version", "mean", "SEM", "SEM, population SD", "95 % CI", *given_names, "n"),
         tuple(rows),

@@ -1,9 +1,13 @@
-"""All ratings of all people in one model: the cumulative-link mixed model of version, place and sequence."""
+"""All ratings of all people in one mixed model of version, place and sequence.
+
+Ratings on few steps are ordered answers (cumulative link), those on many are numbers (linear): each step
+costs a cut point, and beyond some ten the numbers of a scale are about as good as its order.
+"""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -19,19 +23,27 @@ from evenlight.analysis.inference.cumulative_link import (
     shown_spread,
 )
 from evenlight.analysis.inference.fixed_effects import FitFlag, Flag, flags_in_words
+from evenlight.analysis.inference.lognormal_times import CensoredTimes, TimesFit, fit_lognormal_times
 from evenlight.analysis.inference.paired_effects import Effect
 from evenlight.analysis.rating.rating_order import NO_PAIR, PERMUTATIONS
-from evenlight.analysis.rating.rating_pairs import ALL, Ratings, Sample
+from evenlight.analysis.rating.rating_pairs import ALL, POINTS, Ratings, Sample
 from evenlight.analysis.report import Section
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.rows import flag, p, ratio_with_interval, table_of
+from evenlight.analysis.rows import flag, p, ratio_with_interval, table_of, with_interval
 from evenlight.analysis.wording import in_words, of_track
-from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING, RatingTrial, Version
+from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, RatingScale
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
 VERSION, PLACE = "version", "place"
 NO_ESTIMATE, ONE_SEQUENCE = "the model gives no estimate", "one sequence: nothing that could differ"
-ODDS = "odds ratio of a higher rating, "
-MODEL = "cumulative-link mixed model (logit), participants differ in level"
+MOST_CATEGORIES = 11  # ratings in use, as 0 to 10, up to which they are ordered answers (choice)
+
+
+# Of many different ratings, and of few: what the model is, what its effects, and units of these and spreads.
+LINEAR = "linear mixed model", "effect on the rating", POINTS, POINTS
+ORDERED = "cumulative-link mixed model (logit)", "odds ratio of a higher rating", "1", "log-odds"
+EXACT_NODES = 3  # of the linear model's quadrature: derivatives are polynomials of degree 4
+Fit = OrdinalFit | TimesFit
 
 
 class RatingFlag(Flag):
@@ -41,49 +53,91 @@ class RatingFlag(Flag):
 
 
 def model_ratings(ratings: Ratings, rng: np.random.Generator) -> Section:
-    """Fit the model; add odds ratios, spreads and interactions; return the section with the odds ratios."""
-    trials, rated = ratings.data.trials, ratings.rated
-    fit, alike = rating_fits(trials, rated)
-    interaction, df = likelihood_ratio(trials, rated, fit)
+    """Fit the model; add effects, spreads and interactions; return the section with the effects."""
+    trials, rated, scale = ratings.data.trials, ratings.rated, ratings.data.scale
+    linear, size = is_linear(trials), float(np.std([trial.rating for trial in trials]))
+    method, effect_name, unit, spread_unit = LINEAR if linear else ORDERED
+    change: Callable[[float], float] = size.__mul__ if linear else math.exp
+    level, both = (
+        f"{method}, participants differ in level",
+        f"{method}, participants differ in level and in effect of the version",
+    )
+    fit, alike = rating_fits(trials, rated, scale)
+    interaction, df = likelihood_ratio(trials, rated, fit, scale)
     if all(trial.place_in_pair is None for trial in trials):
         fit, alike = _without_place(fit), _without_place(alike)
     permuted, n = permuted_interaction([ratings.pairs[name] for name in rated], rng)
-    add, both = partial(ratings.rows.add, "model", ALL), f"{MODEL} and in effect of the version"
-    named = {VERSION: "ours to baseline", PLACE: "shown second to first"}
+    add, named = (
+        partial(ratings.rows.add, "model", ALL),
+        {VERSION: "ours to baseline", PLACE: "shown second to first"},
+    )
     for effect in (shown_effect(fit, effect) for effect in fit.effects):
         words = named.get(effect.name, f"{effect.name} to {rated[0]}")
-        add(f"{ODDS}{words}", "1", both, effect.shown(math.exp, NO_ESTIMATE), fit.n_groups)
-    same = shown_effect(alike, alike.effects[0]).shown(math.exp, NO_ESTIMATE)
+        add(f"{effect_name}, {words}", unit, both, effect.shown(change, NO_ESTIMATE), fit.n_groups)
+    same = shown_effect(alike, alike.effects[0]).shown(change, NO_ESTIMATE)
     words = f"{named[VERSION]}, the same for all participants"
-    add(f"{ODDS}{words}", "1", f"{MODEL} only", same, fit.n_groups)
+    add(f"{effect_name}, {words}", unit, f"{level} only", same, fit.n_groups)
     for words, sd in (("level", fit.group_sd), ("effect of the version", fit.slope_sd)):
         what = f"standard deviation of the participants' {words}"
         value, why = shown_spread(fit, sd)
-        add(what, "log-odds", both, value, fit.n_groups, flag=why)
+        value = value * size if linear and value is not None else value
+        add(what, spread_unit, both, value, fit.n_groups, flag=why)
     method = f"F distribution, {df} effects, as in a normal model"
     add("version x sequence, likelihood ratio", "1", method, interaction, fit.n_groups)
     method = "permutation of each participant's differences over the sequences"
     add("version x sequence, variance of mean differences", "1", method, permuted, n)
     written = {f"{name} to {rated[0]}": f"{in_words(name)} to {in_words(rated[0])}" for name in rated}
+    title = "Effects on the rating [rating points]" if linear else "Odds ratios of a higher rating"
     table = table_of(
-        f"Odds ratios of a higher rating, from {fit.n} ratings of {ratings.people}, with profile-likelihood "
+        f"{title}, from {fit.n} ratings of {ratings.people}, with profile-likelihood "
         "confidence intervals (CI).",
-        [(written.get(row.what, of_track(row.what)), row) for row in ratings.rows.of("model", ODDS)],
-        (partial(ratio_with_interval, most=fit.n**2), p, flag),
-        ("odds ratio", "value", "95 % CI", "p", "remark"),
+        [
+            (written.get(row.what, of_track(row.what)), row)
+            for row in ratings.rows.of("model", f"{effect_name}, ")
+        ],
+        (with_interval if linear else partial(ratio_with_interval, most=fit.n**2), p, flag),
+        ("effect" if linear else "odds ratio", "value", "95 % CI", "p", "remark"),
     )
     return section(
-        "rating_model", (table,), flags=fit.flags, interaction=interaction, df=df, permuted=permuted
+        "rating_model",
+        (table,),
+        flags=fit.flags,
+        interaction=interaction,
+        df=df,
+        permuted=permuted,
+        linear=linear,
     )
 
 
-def rating_fits(trials: Sequence[RatingTrial], sequences: Sequence[str]) -> tuple[OrdinalFit, OrdinalFit]:
+def is_linear(trials: Sequence[RatingTrial]) -> bool:
+    """Return whether so many different ratings were given that they count as numbers."""
+    return len({trial.rating for trial in trials}) > MOST_CATEGORIES
+
+
+def rating_fits(
+    trials: Sequence[RatingTrial], sequences: Sequence[str], scale: RatingScale = ONE_TO_FIVE
+) -> tuple[Fit, Fit]:
     """Fit all ratings: each participant with an effect of the version, for inference; and one effect for all.
 
     The effects are those of version (ours to baseline), place (second to first) and sequences (to the first).
     """
-    own = fit_ordinal(ordinal_data(trials, sequences, slope_column=0), profiled=(VERSION, PLACE))
-    return own, fit_ordinal(ordinal_data(trials, sequences), profiled=(VERSION,))
+    own = _fit(ordinal_data(trials, sequences, 0, scale=scale), trials, (VERSION, PLACE))
+    return own, _fit(ordinal_data(trials, sequences, scale=scale), trials, (VERSION,))
+
+
+def _fit(data: OrdinalData, trials: Sequence[RatingTrial], profiled: tuple[str, ...]) -> Fit:
+    """Fit the ordered model, or the linear one, of ratings in units of their standard deviation.
+
+    The latter is the model of log-normal times e^rating, none of them censored.
+    """
+    if not is_linear(trials):
+        return fit_ordinal(data, profiled)
+    values = np.array([float(trial.rating) for trial in trials])
+    design = np.column_stack([data.design, np.ones(values.size)])
+    times, found = np.exp((values - values.mean()) / values.std()), np.ones(values.size, dtype=bool)
+    made = CensoredTimes(times, found, design, (*data.names, "level"), data.groups, data.slope_column)
+    fit = fit_lognormal_times(made, profiled=profiled, nodes=EXACT_NODES)
+    return replace(fit, effects=fit.effects[:-1])
 
 
 def ordinal_data(
@@ -91,6 +145,7 @@ def ordinal_data(
     sequences: Sequence[str],
     slope_column: int | None = None,
     interaction: bool = False,
+    scale: RatingScale = ONE_TO_FIVE,
 ) -> OrdinalData:
     """Return ratings as the model takes them; slope column 0: the version's effect differs between people."""
     who = {name: number for number, name in enumerate(dict.fromkeys(t.participant_id for t in trials))}
@@ -99,9 +154,10 @@ def ordinal_data(
     dummies = [np.array([float(t.sequence == name) for t in trials]) for name in sequences[1:]]
     products = [version * (dummy - 1 / len(sequences)) for dummy in dummies] if interaction else []
     names = (VERSION, PLACE, *sequences[1:], *(f"{VERSION} x {s}" for s in sequences[1:] if interaction))
+    used, responses = np.unique([float(t.rating) for t in trials], return_inverse=True)
     return OrdinalData(
-        responses=np.array([t.rating - LOWEST_RATING for t in trials], dtype=np.int64),
-        n_categories=HIGHEST_RATING - LOWEST_RATING + 1,
+        responses=responses.astype(np.int64),
+        n_categories=max(int(scale.range / scale.unit) + 1 if scale.step else 2, used.size),
         design=np.column_stack([version, place, *dummies, *products]),
         names=names,
         groups=np.array([who[t.participant_id] for t in trials], dtype=np.int64),
@@ -109,7 +165,7 @@ def ordinal_data(
     )
 
 
-def _without_place(fit: OrdinalFit) -> OrdinalFit:
+def _without_place(fit: Fit) -> Fit:
     """Return a fit that says of the effect of the place why it has none: nobody knows the order."""
     version, place, *others = fit.effects
     effects = (version, replace(place, flags=(RatingFlag.ORDER_UNKNOWN,)), *others)
@@ -119,7 +175,10 @@ def _without_place(fit: OrdinalFit) -> OrdinalFit:
 
 
 def likelihood_ratio(
-    trials: Sequence[RatingTrial], sequences: Sequence[str], without: OrdinalFit
+    trials: Sequence[RatingTrial],
+    sequences: Sequence[str],
+    without: Fit,
+    scale: RatingScale = ONE_TO_FIVE,
 ) -> tuple[Effect, int]:
     """Test version x sequence against a fit of the same trials without it.
 
@@ -132,7 +191,7 @@ def likelihood_ratio(
     """
     if len(sequences) < 2:
         return Effect(None, flag=ONE_SEQUENCE), 0
-    full = fit_ordinal(ordinal_data(trials, sequences, slope_column=0, interaction=True), profiled=())
+    full = _fit(ordinal_data(trials, sequences, 0, interaction=True, scale=scale), trials, ())
     df = _estimable(full) - _estimable(without)
     why = no_ratio(without) or no_ratio(full) or (FitFlag.NOT_ESTIMABLE.value if df < 1 else "")
     if why or without.log_likelihood is None or full.log_likelihood is None:
@@ -146,7 +205,7 @@ def likelihood_ratio(
     ), df
 
 
-def _estimable(fit: OrdinalFit) -> int:
+def _estimable(fit: Fit) -> int:
     return sum(FitFlag.NOT_ESTIMABLE not in effect.flags for effect in fit.effects)
 
 

@@ -25,12 +25,13 @@ import numpy as np
 
 from evenlight.analysis.inference import exact_tests
 from evenlight.analysis.inference.paired_effects import Effect, group_difference, mean_difference
-from evenlight.analysis.rating.rating_pairs import ADJUSTED_T, ALL, POINTS, Ratings, Sample, mean_of
+from evenlight.analysis.rating.rating_pairs import ADJUSTED_T, ALL, ONE, POINTS, Ratings, Sample, mean_of
 from evenlight.analysis.report import Section
 from evenlight.analysis.report_prose import section
 from evenlight.analysis.rows import flag, p, table_of, with_interval
 from evenlight.analysis.wording import in_words, of_track
 from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.recordings.rating_scale import exact
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
 PERMUTATIONS = 9999
@@ -42,12 +43,15 @@ NONE = 1e-9
 ANOTHER = "another method than that of p: they may disagree"
 
 Contrast = tuple[Effect, int]  # between the two orders [rating points], with its p; and of how many people
-Seen = Mapping[tuple[str, str, int], tuple[bool, int]]  # participant, sequence, repetition: ours first, value
+Seen = Mapping[
+    tuple[str, str, int], tuple[bool, Fraction]
+]  # participant, sequence, repetition: ours first, value
 
 
 def describe_order(ratings: Ratings, rng: np.random.Generator) -> Section:
     """Add what the order does, within people and in each sequence; return the section on it."""
-    overall, by_sequence = order_effects(ratings.data.trials, ratings.sequences, rng)
+    unit = ratings.data.scale.unit
+    overall, by_sequence = order_effects(ratings.data.trials, ratings.sequences, rng, unit=unit)
     within = (
         f"beside people and sequences; {PERMUTATIONS} permutations of the orders among participants; "
         f"interval: {ADJUSTED_T} ({ANOTHER})"
@@ -80,8 +84,9 @@ def order_effects(
     sequences: Sequence[str],
     rng: np.random.Generator,
     permutations: int = PERMUTATIONS,
+    unit: Fraction = ONE,
 ) -> tuple[dict[str, Contrast], dict[str, Contrast]]:
-    """Return what the order does.
+    """Return what the order does; `unit` is that of the scale.
 
     First within participants: how much higher the version shown second is rated (`PLACE`), and by how much
     the mean of both is higher with ours first (`CARRY_OVER`); p counts the data among the permutations
@@ -92,14 +97,16 @@ def order_effects(
         PLACE: {cell: (first, -difference) for cell, (first, difference, _) in pairs.items()},
         CARRY_OVER: {cell: (first, total) for cell, (first, _, total) in pairs.items()},
     }
-    overall = {what: _within_people(seen, rng, permutations) for what, seen in halves.items()}
+    overall = {what: _within_people(seen, rng, permutations, unit) for what, seen in halves.items()}
     return overall, {
-        name: _between_people({cell: own[:2] for cell, own in pairs.items() if cell[1] == name})
+        name: _between_people({cell: own[:2] for cell, own in pairs.items() if cell[1] == name}, unit)
         for name in sequences
     }
 
 
-def ordered_pairs(trials: Iterable[RatingTrial]) -> dict[tuple[str, str, int], tuple[bool, int, int]]:
+def ordered_pairs(
+    trials: Iterable[RatingTrial],
+) -> dict[tuple[str, str, int], tuple[bool, Fraction, Fraction]]:
     """Return of each pair that was rated in order whether ours came first, their difference, and their sum.
 
     Keys are participant, sequence and number of the repetition; the unit is rating points.
@@ -113,28 +120,28 @@ def ordered_pairs(trials: Iterable[RatingTrial]) -> dict[tuple[str, str, int], t
         if {trial.place_in_pair for trial in own.values()} == {1, 2}:
             ours, baseline = own[Version.OURS], own[Version.BASELINE]
             times[who, name] += 1
-            difference, total = ours.rating - baseline.rating, ours.rating + baseline.rating
-            pairs[who, name, times[who, name]] = (ours.place_in_pair == 1, difference, total)
+            one, other = exact(ours.rating), exact(baseline.rating)
+            pairs[who, name, times[who, name]] = (ours.place_in_pair == 1, one - other, one + other)
     return pairs
 
 
-def _between_people(seen: Seen) -> Contrast:
+def _between_people(seen: Seen, unit: Fraction) -> Contrast:
     """Return by how much the difference in a sequence depends on the order."""
-    own: dict[str, dict[bool, list[int]]] = {}
+    own: dict[str, dict[bool, list[Fraction]]] = {}
     for (who, *_), (first, difference) in seen.items():
         own.setdefault(who, {True: [], False: []})[first].append(difference)
     groups = [[mean_of(by[first]) for by in own.values() if by[first]] for first in (True, False)]
     if any(all(by.values()) for by in own.values()) or not all(groups):
         why = "no two groups: all saw the same order, or a participant saw both" if seen else NO_PAIR
         return Effect(None, flag=why), len(own)
-    both = Sample({str(k): mean for k, mean in enumerate([*groups[0], *groups[1]])})
+    both = Sample({str(k): mean for k, mean in enumerate([*groups[0], *groups[1]])}, unit)
     scores, n = both.scores, len(groups[0])
     p_value = exact_tests.group_p_value(scores[:n], scores[n:])
     ours_first, second = ([float(mean) for mean in group] for group in groups)
     return replace(group_difference(ours_first, second, both.step), p_value=p_value), len(own)
 
 
-def _within_people(seen: Seen, rng: np.random.Generator, permutations: int) -> Contrast:
+def _within_people(seen: Seen, rng: np.random.Generator, permutations: int, unit: Fraction) -> Contrast:
     """Return how much larger a value, given in halves, is with ours first, beside people and sequences."""
     people = {who: row for row, who in enumerate(dict.fromkeys(cell[0] for cell in seen))}
     columns = {key: k for k, key in enumerate(dict.fromkeys(cell[1:] for cell in seen))}
@@ -156,7 +163,7 @@ def _within_people(seen: Seen, rng: np.random.Generator, permutations: int) -> C
     leverage = np.minimum(1 / n + np.sum(order**2, axis=1) / squares, 0.9)
     apart = n / squares * np.sum(order * (value - slope * order), axis=1) / np.sqrt(1 - leverage)
     shares = slope + apart - apart.mean()
-    effect = mean_difference(np.where(np.abs(shares) < NONE, 0.0, shares), _step(orders, values))
+    effect = mean_difference(np.where(np.abs(shares) < NONE, 0.0, shares), _step(orders, values, unit))
     common = np.nanmean(orders, axis=0)
     uneven = "either order is not as frequent: the interval, by few people, may hold less than it says"
     flags = [effect.flag, uneven if np.minimum(common, 1 - common).min() < RARE else ""]
@@ -186,16 +193,16 @@ def _residuals(table: Array) -> Array:
     return left
 
 
-def _step(orders: Array, values: Array) -> float:
+def _step(orders: Array, values: Array, unit: Fraction) -> float:
     """Return the smallest difference between two contrasts that such values can show [rating points]."""
 
     def mean(row: Array) -> Fraction:
-        return mean_of([Fraction(int(2 * x), 2) for x in row])
+        return mean_of([exact(float(x)) for x in row])
 
     own = zip(orders, values, strict=True)
     halves = [(row[order == 1], row[order == 0]) for order, row in own]
     contrasts = [mean(first) - mean(second) for first, second in halves if first.size and second.size]
-    return Sample({str(k): contrast for k, contrast in enumerate(contrasts)}).step
+    return Sample({str(k): contrast for k, contrast in enumerate(contrasts)}, unit).step
 
 
 def _permuted_p(orders: Array, value: Array, rng: np.random.Generator, permutations: int) -> float | None:

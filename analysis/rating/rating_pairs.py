@@ -27,6 +27,7 @@ from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import counted, in_words, participants, percent
 from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.arrays import Array, Integers
+from evenlight.data_schema.recordings.rating_scale import exact as exactly
 from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 
 POINTS, ALL = "rating points", "all"
@@ -42,6 +43,11 @@ D_Z = "Cohen's d_z, ours less baseline"
 BISERIAL = "rank-biserial correlation, ours less baseline"
 DROPPED = "signed-rank sum, zeros dropped"
 ALIKE = "participants who rate ours alike"
+ONE = Fraction(1)
+
+
+# Exact tests are enumerated over sums of whole scores: n people times Σ |score| is their work.
+MOST_WORK, ROUNDED_WORK = 10**7, 10**6  # beyond the first the scores are rounded, to about the second
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,9 +58,12 @@ class Sample:
     ----------
     of : dict of str to Fraction
         By participant [rating points].
+    unit : Fraction
+        From one rating of the scale to the next [rating points].
     """
 
     of: Mapping[str, Fraction]
+    unit: Fraction = ONE
 
     @property
     def values(self) -> Array:
@@ -63,17 +72,29 @@ class Sample:
 
     @property
     def step(self) -> float:
-        """The smallest difference that such means can show [rating points]."""
-        return 1 / self._denominator
+        """The smallest difference that such means can show, or are rounded to for tests [rating points]."""
+        return float(self._step)
 
     @property
     def scores(self) -> Integers:
         """The numbers in steps: whole, as exact tests need them."""
-        return np.array([int(value * self._denominator) for value in self.of.values()], dtype=np.int64)
+        step = self._step
+        return np.array([round(value / step) for value in self.of.values()], dtype=np.int64)
 
     @property
-    def _denominator(self) -> int:
-        return math.lcm(*(value.denominator for value in self.of.values()))
+    def rounding(self) -> str:
+        """That the scores are rounded numbers, in words; empty where they are exact."""
+        rounded = any(value % self._step for value in self.of.values())
+        return f"exact tests of differences rounded to {self.step:g} points" if rounded else ""
+
+    @property
+    def _step(self) -> Fraction:
+        steps = [value / self.unit for value in self.of.values()]
+        step = self.unit / math.lcm(*(value.denominator for value in steps))
+        work = len(steps) * sum(map(abs, self.of.values()))
+        if work <= MOST_WORK * step:
+            return step
+        return Fraction(10) ** math.ceil(math.log10(work / ROUNDED_WORK))
 
 
 def mean_of(values: Sequence[Fraction | int]) -> Fraction:
@@ -85,27 +106,27 @@ def mean_of(values: Sequence[Fraction | int]) -> Fraction:
     return Fraction(sum(values)) / len(values)
 
 
-def person_means(trials: Iterable[RatingTrial]) -> Sample:
-    """Return each person's mean rating."""
-    given: dict[str, list[int]] = {}
+def person_means(trials: Iterable[RatingTrial], unit: Fraction = ONE) -> Sample:
+    """Return each person's mean rating; `unit` is that of the scale."""
+    given: dict[str, list[Fraction]] = {}
     for trial in trials:
-        given.setdefault(trial.participant_id, []).append(trial.rating)
-    return Sample({who: mean_of(ratings) for who, ratings in given.items()})
+        given.setdefault(trial.participant_id, []).append(exactly(trial.rating))
+    return Sample({who: mean_of(ratings) for who, ratings in given.items()}, unit)
 
 
-def paired_ratings(trials: Iterable[RatingTrial], sequence: str) -> Sample:
+def paired_ratings(trials: Iterable[RatingTrial], sequence: str, unit: Fraction = ONE) -> Sample:
     """Return ours less baseline of who rated both versions of a sequence."""
     own = [trial for trial in trials if trial.sequence == sequence]
     ours, baseline = (person_means(t for t in own if t.version is v).of for v in Version)
-    return Sample({who: ours[who] - baseline[who] for who in ours if who in baseline})
+    return Sample({who: ours[who] - baseline[who] for who in ours if who in baseline}, unit)
 
 
 def over_sequences(pairs: Iterable[Sample]) -> Sample:
     """Return each person's mean difference over the sequences of which they rated both versions."""
-    own: dict[str, list[Fraction]] = {}
+    own, pairs = dict[str, list[Fraction]](), list(pairs)
     for who, value in (item for pair in pairs for item in pair.of.items()):
         own.setdefault(who, []).append(value)
-    return Sample({who: mean_of(values) for who, values in own.items()})
+    return Sample({who: mean_of(values) for who, values in own.items()}, pairs[0].unit)
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,6 +152,16 @@ class Ratings:
     means: Mapping[tuple[str, Version], Sample]
     pairs: Mapping[str, Sample]
     rows: Rows = field(repr=False)
+
+    def given(self, sequence: str, version: Version) -> list[float]:
+        """Return all ratings of a version of a sequence."""
+        own = (trial for trial in self.data.trials if trial.sequence == sequence)
+        return [trial.rating for trial in own if trial.version is version]
+
+    @property
+    def largest(self) -> float:
+        """The largest difference of two ratings on their scale [rating points]."""
+        return float(self.data.scale.range)
 
     @property
     def shown(self) -> dict[str, Sample]:
@@ -172,14 +203,14 @@ class Ratings:
 
 def ratings_of(data: TaskData[RatingTrial]) -> Ratings:
     """Return the ratings of a data set."""
-    trials = data.trials
+    trials, unit = data.trials, data.scale.unit
     sequences = tuple(dict.fromkeys((*data.designed_sequences, *sorted({t.sequence for t in trials}))))
     means = {
-        (name, v): person_means(t for t in trials if t.sequence == name and t.version is v)
+        (name, v): person_means((t for t in trials if t.sequence == name and t.version is v), unit)
         for name in sequences
         for v in Version
     }
-    pairs = {name: paired_ratings(trials, name) for name in sequences}
+    pairs = {name: paired_ratings(trials, name, unit) for name in sequences}
     rows = Rows(Origin.SIMULATED if data.simulated else Origin.RECORDED)
     return Ratings(data, sequences, means, pairs, rows)
 
@@ -207,17 +238,20 @@ BESIDE = {
 }
 
 
-def compared_pairs(pair: Sample) -> dict[str, Effect]:
-    """Return effects of some differences, with the p of the tests that go with them."""
+def compared_pairs(pair: Sample, largest: float = LARGEST) -> dict[str, Effect]:
+    """Return effects of differences of at most the largest, with the p of the tests that go with them."""
     if not pair.of:
         return dict.fromkeys((*ADJUSTED, *BESIDE), Effect(None, flag=NOBODY))
     values, scores, step = pair.values, pair.scores, pair.step
-    mean = effects.within(effects.exact_mean_difference(scores, step), -LARGEST, LARGEST)
+    mean = effects.within(effects.exact_mean_difference(scores, step), -largest, largest)
+    rounding = pair.rounding
+    if rounding:
+        mean = replace(mean, value=float(values.mean()))
     flipped, ranks = exact.sign_flip_test(scores), exact.signed_rank_test(scores)
     dropped, caution = exact.signed_rank_test(scores, exact.ZeroHandling.DROPPED), _caution(flipped)
 
     def tested(effect: Effect, test: ExactTest) -> Effect:
-        words = dict.fromkeys(own for own in (effect.flag, caution) if own)
+        words = dict.fromkeys(own for own in (effect.flag, caution, rounding) if own)
         return replace(effect, flag="; ".join(words), p_value=test.p_value)
 
     return {
@@ -234,7 +268,7 @@ def compared_pairs(pair: Sample) -> dict[str, Effect]:
 def compare_versions(ratings: Ratings, seed: int) -> Section:
     """Add effects and tests of each sequence and of all together; return the section with two tables."""
     shown, add = ratings.shown, partial(ratings.rows.add, "differences")
-    found = {name: compared_pairs(pair) for name, pair in shown.items()}
+    found = {name: compared_pairs(pair, ratings.largest) for name, pair in shown.items()}
     for what, (unit, method) in ADJUSTED.items():
         p_values = exact.holm([found[name][what].p_value for name in ratings.pairs])
         adjusted = dict(zip(ratings.pairs, p_values, strict=True))
@@ -244,7 +278,7 @@ def compare_versions(ratings: Ratings, seed: int) -> Section:
         for what, (unit, method) in BESIDE.items():
             add(name, what, unit, method, found[name][what], len(pair.of))
         # The same draws for every sequence: those with as many pairs that scatter alike can show the same.
-        _add_counts(ratings.rows, name, pair, np.random.default_rng(seed))
+        _add_counts(ratings, name, np.random.default_rng(seed))
     sensitivity = {row.group: row for row in ratings.rows.of("sensitivity")}
     overall = sensitivity.pop(ALL, None)
     limits = [row.value for row in sensitivity.values() if row.value is not None]
@@ -258,7 +292,8 @@ def compare_versions(ratings: Ratings, seed: int) -> Section:
     )
 
 
-def _add_counts(rows: Rows, name: str, pair: Sample, rng: np.random.Generator) -> None:
+def _add_counts(ratings: Ratings, name: str, rng: np.random.Generator) -> None:
+    rows, pair = ratings.rows, ratings.shown[name]
     n, values = len(pair.of), pair.values
     for what, who in (
         ("participants who rate ours better", values > 0),
@@ -267,7 +302,7 @@ def _add_counts(rows: Rows, name: str, pair: Sample, rng: np.random.Generator) -
     ):
         rows.add("differences", name, what, "1", "count", float(who.sum()), n)
     spread = float(values.std(ddof=1)) if n > 1 else 0.0
-    smallest = smallest_difference(n, spread, rng, pair.step) if n else None
+    smallest = smallest_difference(n, spread, rng, pair.step, ratings.largest) if n else None
     method = f"{SIGN_FLIP} at 5 %, power {percent(POWER, 0)}, with the spread that was found"
     why = "" if smallest is not None else _why_no_smallest(n, spread)
     rows.add("sensitivity", name, SMALLEST, POINTS, method, smallest, n, flag=why)

@@ -13,9 +13,13 @@ from scipy import optimize, special
 
 from evenlight.analysis.inference.exact_tests import sign_flip_p_values
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING
 
-LARGEST = HIGHEST_RATING - LOWEST_RATING  # difference of two ratings
+LARGEST = 4  # difference of two ratings of 1 to 5
+FINEST, LATTICE = (
+    0.25,
+    16,
+)  # steps [points] and their number up to the largest difference: finer is only slower
+TOLERANCE = 0.01  # [points], and a 400th of the largest difference
 ALPHA, POWER = 0.05, 0.8
 
 
@@ -28,28 +32,34 @@ def fewest_pairs(level: float = ALPHA) -> int:
     return 1 + math.ceil(-math.log2(level))
 
 
-def smallest_difference(n: int, spread: float, rng: np.random.Generator, step: float = 1.0) -> float | None:
+def smallest_difference(
+    n: int, spread: float, rng: np.random.Generator, step: float = 1.0, largest: float = LARGEST
+) -> float | None:
     """Return the smallest mean difference that n pairs find with a power of 80 %, at 5 % [rating points].
 
-    None where so few pairs never give p <= 0.05, where no difference is large enough, or without a spread
-    (SD with n - 1). The same experiments are drawn for every difference: 17 pairs' power is known to ± 0.025.
+    Differences go in steps up to the largest. None where so few pairs never give p <= 0.05, where no
+    difference is large enough, or without a spread (SD with n - 1). The same experiments are drawn for every
+    difference: 17 pairs' power is known to ± 0.025.
     """
     if n < fewest_pairs() or not spread > 0:
         return None
-    step = max(step, 0.25)  # finer steps would only be slower
+    step = max(step, min(largest / LATTICE, max(spread / 4, FINEST)))
+    ends = round(largest / step)
     uniform = rng.random((int(np.clip(20_000 // n, 300, 1000)), n))
-    low, high = 0.0, float(LARGEST)
-    while high - low > 0.01:
+    low, high = 0.0, float(largest)
+    while high - low > min(TOLERANCE, largest / 400):
         middle = (low + high) / 2
-        edges = np.cumsum(likely_differences(middle, spread, step))[:-1]
-        drawn = np.searchsorted(edges, uniform) - round(LARGEST / step)
+        edges = np.cumsum(likely_differences(middle, spread, largest / ends, largest))[:-1]
+        drawn = np.searchsorted(edges, uniform) - ends
         found = float(np.mean(sign_flip_p_values(drawn) <= ALPHA)) >= POWER
         low, high = (low, middle) if found else (middle, high)
-    return None if high == LARGEST else high
+    return None if high == largest else high
 
 
-def likely_differences(mean: float, standard_deviation: float, step: float = 1.0) -> Array:
-    """Return probabilities of the differences -4 to 4 that have a mean and standard deviation [points].
+def likely_differences(
+    mean: float, standard_deviation: float, step: float = 1.0, largest: float = LARGEST
+) -> Array:
+    """Return probabilities of all differences up to the largest that have a mean and SD [points].
 
     Those of largest entropy, p_k ~ exp(a k + b k²), say nothing but these two. A spread that differences of
     this mean cannot have, on their lattice, becomes the nearest that they can.
@@ -57,11 +67,11 @@ def likely_differences(mean: float, standard_deviation: float, step: float = 1.0
     >>> likely_differences(0.5, 0.5).round(3).tolist()  # 0 or 1, as often
     [0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, 0.0]
     """
-    ends = round(LARGEST / step)
+    ends = round(largest / step)
     x = np.arange(-ends, ends + 1) / ends
-    centre, part = mean / LARGEST, mean / step - np.floor(mean / step)
+    centre, part = mean / largest, mean / step - np.floor(mean / step)
     least, most = part * (1 - part) / ends**2, 1 - centre**2  # all at two neighbours; all at the two ends
-    variance = np.clip((standard_deviation / LARGEST) ** 2, 1.001 * least + 1e-4 / ends**2, 0.999 * most)
+    variance = np.clip((standard_deviation / largest) ** 2, 1.001 * least + 1e-4 / ends**2, 0.999 * most)
     wanted, moments = np.array([centre, variance + centre**2]), np.stack([x, x**2])
 
     def surplus(weights: Array) -> tuple[float, Array]:

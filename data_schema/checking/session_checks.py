@@ -27,7 +27,7 @@ from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.data_schema.recordings.ramp import TrialFlag
 from evenlight.data_schema.recordings.session import TASKS, WHOLE, SessionManifest, SessionStatus
 from evenlight.data_schema.recordings.sweep import SweepManifest
-from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.recordings.viewing import RatingTrial, Version
 from evenlight.data_schema.storage.tables import columns_of, csv_rows, optional_columns, plain_cell
 from evenlight.data_schema.storage.text_files import read_json, read_text
 
@@ -132,6 +132,8 @@ def _compare_with_manifest(checked: CheckedFile, manifest: SessionManifest) -> N
                 line,
             )
         _compare_with_stimuli(checked, line, trial, manifest)
+        if isinstance(trial, RatingTrial) and (problem := manifest.scale.refusal(trial.rating)):
+            checked.blame(problem, line)
     count, planned = sum(trial.usable for _, trial in checked.records), manifest.n_trials
     flagged = sum(trial.flag is not TrialFlag.NONE for _, trial in checked.records)
     if manifest.status in WHOLE and not planned - flagged <= count <= planned:

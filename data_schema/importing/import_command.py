@@ -73,6 +73,9 @@ def import_command(load_display: Callable[[str], Display]) -> Callable[..., None
                 help="Toml file that says the same, in tables: columns, units, values.OURS and so on."
             ),
         ] = None,
+        scale: Annotated[
+            str, meaning_of(metavar="LOWEST..HIGHEST", help="Scale of ratings, as 1..7 or 1..5:0.5 (steps).")
+        ] = "",
         display: Annotated[
             str | None, asked(help="Display that was looked at: a preset or a toml file. Needed for ramps.")
         ] = None,
@@ -97,7 +100,7 @@ def import_command(load_display: Callable[[str], Display]) -> Callable[..., None
         options = {name: texts or () for name, texts in given.items()}
         meaning = import_mapping(TASKS[task.value].trial, options, mapping)
         panel = None if display is None else load_display(display)
-        told = import_dataset(ImportRequest(tuple(file), task.value, meaning, panel, simulated), out)
+        told = import_dataset(ImportRequest(tuple(file), task.value, meaning, panel, simulated, scale), out)
         if not quiet:
             for line in told:
                 typer.echo(line)

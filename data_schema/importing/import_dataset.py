@@ -22,6 +22,7 @@ from evenlight.data_schema.recordings.dataset_writing import (
     write_participants,
     write_session,
 )
+from evenlight.data_schema.recordings.rating_scale import scale_of
 from evenlight.data_schema.recordings.roll_call import SessionUse, call_roll
 from evenlight.data_schema.recordings.session import TASKS, ImportSource, SessionManifest, SessionStatus
 from evenlight.data_schema.storage.tables import csv_text
@@ -55,6 +56,14 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
         )
     told += ["simulated: all rows say so"] if adopted else []
     trials = [trial for _, trial in rows]
+    scale = None
+    if request.task == "rating":
+        column = taken.columns.get("rating", "rating")
+        given = [(table.place(row, column), trial.rating) for row, trial in rows]
+        scale, said = scale_of(given, request.scale)
+        told.append(said)
+    elif request.scale:
+        raise InputError(f"--scale is of ratings, not of a {request.task}")
     sessions: dict[tuple[str, str], list[Any]] = {}
     files: dict[tuple[str, str], Path] = {}
     for row, trial in rows:
@@ -66,7 +75,9 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
                 "column that tells sessions apart (--column session_id=THEIRS), or join the two files"
             )
     sources = {
-        path: _source(path, f"file {number} of {len(request.paths)}", table, taken)
+        path: dataclasses.replace(
+            _source(path, f"file {number} of {len(request.paths)}", table, taken), scale=scale
+        )
         for number, path in enumerate(request.paths, start=1)
     }
     with new_dataset(dataset) as staging, _new_key(key_file, ids):

@@ -94,6 +94,8 @@ class ImportRequest:
         What was looked at; None if unknown.
     simulated : bool
         Whether simulated observers answered.
+    scale : str
+        Of ratings, as `1..7`; empty if they are to show it.
     """
 
     paths: tuple[Path, ...]
@@ -101,6 +103,7 @@ class ImportRequest:
     mapping: ImportMapping
     display: Display | None = None
     simulated: bool = False
+    scale: str = ""
 
 
 def fields_by_name(record: type[Any]) -> dict[str, _Field]:

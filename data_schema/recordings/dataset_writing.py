@@ -245,7 +245,10 @@ def export_behaviour(dataset: Path, manifest: SessionManifest, trials: list[Any]
     columns = [file_key(field) for field in dataclasses.fields(cls)]
     rows = [[_cell(value) for value in mapping_from_record(trial).values()] for trial in trials]
     write_whole(path, _tsv(columns, rows))
-    write_json(path.with_suffix(".json"), column_descriptions(cls, manifest.task))
+    described = column_descriptions(cls, manifest.task)
+    if manifest.source and manifest.source.scale:
+        described["rating"] |= {"Minimum": manifest.scale.lowest, "Maximum": manifest.scale.highest}
+    write_json(path.with_suffix(".json"), described)
 
 
 def column_descriptions(cls: type[Any], task: str) -> dict[str, Any]:

@@ -11,6 +11,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import count, described, quantity, record
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial
+from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, RatingScale
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
 from evenlight.data_schema.recordings.viewing import (
@@ -68,6 +69,9 @@ class ImportSource:
     units: dict[str, str] = described("unit of a column, as stated", factory=dict)
     values: dict[str, str] = described("its values for each of Evenlight's, as `version:ours`", factory=dict)
     constants: dict[str, str] = described("what holds for all rows, as stated", factory=dict)
+    scale: RatingScale | None = described(
+        "scale of the ratings; null if there are none, or for 1 to 5 in whole points", default=None
+    )
 
 
 @record
@@ -112,6 +116,11 @@ class SessionManifest:
     def order_known(self) -> bool:
         """Whether `trial_index` is the order in which trials were shown, not only that of a file's rows."""
         return self.source is None or "trial_index" in self.source.columns
+
+    @property
+    def scale(self) -> RatingScale:
+        """The scale of its ratings: 1 to 5 in whole points, where an imported file had no other."""
+        return (self.source and self.source.scale) or ONE_TO_FIVE
 
     @staticmethod
     def types_in(content: Mapping[str, Any]) -> dict[str, Any]:

@@ -129,11 +129,8 @@ class RatingTrial(Trial):
         maximum=2,
     )
     mean_factor: float | None = share("mean brightness factor of what was shown; null if unknown", above=0.0)
-    rating: int = quantity(
-        "1",
-        "quality and saliency of details, 1 (low) to 5 (high)",
-        minimum=LOWEST_RATING,
-        maximum=HIGHEST_RATING,
+    rating: float = quantity(
+        "1", "quality and saliency of details, 1 (low) to 5 (high) or on the scale that the manifest names"
     )
     response_time: float | None = as_in(RampTrial, "response_time")
     simulated: bool = as_in(RampTrial, "simulated")
@@ -145,6 +142,10 @@ class RatingTrial(Trial):
     n_frames: int | None = count("refreshes of the display", default=None)
     frames_dropped: int | None = count("refreshes without a new frame", default=None)
     flag: TrialFlag = described("why it is left out of the analysis; empty for none", default=TrialFlag.NONE)
+
+    def __post_init__(self) -> None:
+        if self.rating == int(self.rating):  # files hold whole points as whole numbers, as they always did
+            object.__setattr__(self, "rating", int(self.rating))
 
 
 @record

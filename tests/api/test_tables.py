@@ -252,7 +252,11 @@ def test_ramps_at_one_luminance_make_a_constant_limit_which_is_said_first() -> N
     ("table", "task", "says"),
     [
         (ratings().drop(columns="version"), None, "row 0 of the table: no version"),
-        (ratings().assign(rating=9), None, "row 0 of the table: .*rating"),
+        (
+            ratings().assign(rating=-9),
+            None,
+            "ratings from -9 to -9 are on no usual scale; say theirs with scale",
+        ),
         (ratings().drop(columns="rating"), None, "the columns do not tell the task"),
         (ratings(), "ranking", "task must be one of rating, comparison, search"),
     ],

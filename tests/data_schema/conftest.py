@@ -30,6 +30,7 @@ from evenlight.data_schema.recordings.ramp import (
     RampTrial,
     Response,
 )
+from evenlight.data_schema.recordings.rating_scale import RatingScale
 from evenlight.data_schema.recordings.rig import Actuator, Keys, Rig
 from evenlight.data_schema.recordings.search import SearchDesign, SearchTrial, ViewLog
 from evenlight.data_schema.recordings.session import TASKS, SessionManifest
@@ -310,6 +311,10 @@ def a_whole_interval(values: Values) -> Values:
     return values | {"ci_high": None if low is None else low + 0.1}
 
 
+def from_lowest_to_highest(values: Values) -> Values:
+    return {"lowest": -1.0, "highest": 3.0, "step": 0.5 if values["step"] > 1 else 0.0}
+
+
 def frames_in_order(values: Values) -> Values:
     return values | {"times": tuple(0.04 * k for k in range(len(values["factors"])))}
 
@@ -328,6 +333,7 @@ RULES: dict[type[Any], Callable[[Values], Values]] = {
     Rig: usable_rig,
     Statistic: with_a_reason,
     RatingDesign: named_sequences,
+    RatingScale: from_lowest_to_highest,
     ComparisonDesign: named_sequences,
     SearchDesign: a_search_design,
     ComparisonTrial: one_of_two_videos,

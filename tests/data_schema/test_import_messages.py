@@ -36,9 +36,10 @@ def said(importing, tmp_path, text, task, options) -> str:
         (RATINGS.replace("ours", "TBM"), (),
          ", line 2, column 'version': expected one of 'ours', 'baseline', got 'TBM'; say what "
          'stands for them, as with --value version:ours=THEIRS'),
-        (RATINGS.replace(",4", ",7"), (), ", line 2, column 'rating': rating must be at most 5, got 7"),
-        (RATINGS.replace(",4", ",3.5"), (),
-         ", line 2, column 'rating': expected a whole number, got '3.5'"),
+        (RATINGS.replace(",4", ",7"), ("--scale", "1..5"),
+         ", line 2, column 'rating': rating must be on the scale of 1 to 5 in whole points, got 7"),
+        (RATINGS.replace(",4", ",3.5"), ("--scale", "1..7:1"),
+         ", line 2, column 'rating': rating must be on the scale of 1 to 7 in whole points, got 3.5"),
         (RATINGS.replace(",4", ",good"), (), ", line 2, column 'rating': expected a number, got 'good'"),
         (RATINGS.replace(",4", ",").replace(",3", ","), (), ": none of 2 rows has an answer in 'rating'"),
         (RATINGS + "a,gym,ours,4\n", (),
@@ -91,17 +92,17 @@ def test_searches_and_ramps_that_cannot_be_read_are_refused_too(importing, tmp_p
 
 
 def test_a_first_line_that_names_the_delimiter_is_counted_and_not_read(importing, tmp_path) -> None:
-    outcome, _ = importing("sep=;\nparticipant;sequence;version;rating\na;gym;ours;9\n", "rating")
-    words = "table.csv, line 3, column 'rating': rating must be at most 5, got 9"
+    outcome, _ = importing("sep=;\nparticipant;sequence;version;rating\na;gym;ours;x\n", "rating")
+    words = "table.csv, line 3, column 'rating': expected a number, got 'x'"
     assert refusal(outcome, tmp_path) == words
 
 
 def test_a_trial_of_a_list_is_named_by_its_place(importing, tmp_path) -> None:
     text = json.dumps(
-        [{"participant": "a", "sequence": "gym", "version": "ours", "rating": n} for n in (4, 0)]
+        [{"participant": "a", "sequence": "gym", "version": "ours", "rating": n} for n in (4, "x")]
     )
     outcome, _ = importing(text, "rating", name="data.json")
-    words = "data.json, trial 2, column 'rating': rating must be at least 1, got 0"
+    words = "data.json, trial 2, column 'rating': expected a number, got 'x'"
     assert refusal(outcome, tmp_path) == words
 
 
@@ -274,7 +275,7 @@ OPTIONS = (
 )  # fmt: skip
 
 
-def rows(participant: str, *ratings: int, day: str = "1") -> str:
+def rows(participant: str, *ratings: object, day: str = "1") -> str:
     shown = zip(("gym,TBM", "gym,const"), ratings, strict=True)
     routine = f"{participant},001,,,,{day},\n"
     return (
@@ -318,7 +319,7 @@ def test_each_file_is_a_participant_and_is_numbered_in_its_manifest(imported, tm
         (rows("1", 4, 3), "sequence gym, version ours is there already, in line 3 of a.csv"),
         (rows("01", 4, 3), "'01', and '1' of line 3 of a.csv, would be one participant_id"),
         (rows("2", 4, 3).replace("slider.response", "key"), "b.csv: no row of it is a trial"),
-        (rows("2", 4, 9), "b.csv, line 4, column 'slider.response': rating must be at most 5, got 9"),
+        (rows("2", 4, "x"), "b.csv, line 4, column 'slider.response': expected a number, got 'x'"),
         (rows("2", 4, 3).replace(",", ";"), "b.csv: CSV with semicolons, but"),
     ],
     ids=["same trial", "nearly the same name", "other columns", "bad value", "other kind of table"],
