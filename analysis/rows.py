@@ -6,15 +6,17 @@ a figure draws through a `Plot`, which notes what it draws. So no number is writ
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 from matplotlib.axes import Axes
 
+from evenlight.analysis.inference.fixed_effects import SEPARATING
 from evenlight.analysis.inference.paired_effects import LEVEL, Effect
 from evenlight.analysis.report import Cell, Table
-from evenlight.analysis.wording import p_in_words, p_text, percent
+from evenlight.analysis.wording import of_track, p_in_words, p_text, percent
 from evenlight.data_schema.analysis_results import Origin, PlottedPoint, Statistic
 
 Column = Callable[[Statistic | None], Sequence[Cell]]
@@ -73,6 +75,11 @@ class Rows(list[Statistic]):
     def find(self, table: str, group: str, what: str) -> Statistic | None:
         """Return a row, or None."""
         return next((r for r in self if (r.table, r.group, r.what) == (table, group, what)), None)
+
+    def separated(self) -> list[str]:
+        """Return the first effect of a model that runs to infinity, as the answers separate: a warning."""
+        endless = (r for r in self.of("model") if any(flag.value in r.flag for flag in SEPARATING))
+        return [f"{of_track(r.what)}: {r.flag}" for r in itertools.islice(endless, 1)]
 
     def of(self, table: str, beginning: str = "") -> list[Statistic]:
         """Return the rows of a table whose name begins so; the beginning is taken off."""

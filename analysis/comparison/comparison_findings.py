@@ -100,7 +100,7 @@ def warnings_of(found: Comparison) -> list[str]:
     trials = found.data.trials
     people = sorted({trial.participant_id for trial in trials})
     cells = {(trial.participant_id, trial.sequence) for trial in trials}
-    said = []
+    said = found.rows.separated()
     for name in found.shares:
         if missing := [who for who in people if (who, name) not in cells]:
             n = f"{len(missing)} of {len(people)}"

@@ -264,6 +264,9 @@ class FitFlag(Flag):
     NO_UPPER = "the interval has no upper end"
 
 
+SEPARATING = (FitFlag.SEPARATED, FitFlag.NO_UPPER_BOUND, FitFlag.NO_LOWER_BOUND)
+
+
 def flags_in_words(flags: Iterable[Flag]) -> str:
     """Return flags as one remark; empty for none."""
     return "; ".join(flag.value for flag in flags)

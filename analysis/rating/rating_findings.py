@@ -104,7 +104,7 @@ def _sure(row: Statistic | None) -> tuple[str, str] | None:
 
 def _warnings(ratings: Ratings) -> list[str]:
     """Return what is wrong with the ratings but does not forbid their use."""
-    found = []
+    found = ratings.rows.separated()
     if ratings.n_people == 1:
         found.append("ratings of one participant: nothing can be tested, nothing is said of other people")
     if ratings.unrated:

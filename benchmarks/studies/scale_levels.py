@@ -20,10 +20,10 @@ from numpy.typing import NDArray
 from scipy import special
 from studies import Mapped, run_study
 
-from evenlight.analysis.inference.cumulative_link import shown_effect
+from evenlight.analysis.inference.cumulative_link import fit_ordinal, shown_effect
 from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.paired_effects import Effect, exact_mean_difference
-from evenlight.analysis.rating.rating_model import likelihood_ratio, rating_fits
+from evenlight.analysis.rating.rating_model import likelihood_ratio, ordinal_data, rating_fits
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial, Version
 
@@ -87,7 +87,8 @@ def truths(answers: Answers, effect: float, seed: int = SEED) -> dict[str, float
     mean = float((many[..., 0] - many[..., 1]).mean()) if effect else 0.0
     odds = mean
     if effect and answers is seven_points:
-        odds = rating_fits(trials_of(many[:1500]), PAPER_SEQUENCES)[0].effects[0].estimate or 0.0
+        data = ordinal_data(trials_of(many[:1500]), PAPER_SEQUENCES, 0)
+        odds = fit_ordinal(data, profiled=()).effects[0].estimate or 0.0
     return {"mean, sign flip": mean, "version": odds, "place": 0.0}
 
 

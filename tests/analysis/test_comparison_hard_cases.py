@@ -42,6 +42,11 @@ class TestHardCases:
         assert (model.value, model.p_value) == (None, None)
         assert model.flag
 
+    def test_a_leaning_without_bound_is_a_warning(self) -> None:
+        found = compare(data_of(answers_of(lambda who, s: (who + s) % 2 == 0)), 1, 0.15)  # always "first"
+        (said,) = warnings_of(found)
+        assert said.startswith("first chosen by a person in the middle: runs to plus infinity")
+
     def test_one_participant(self) -> None:
         rows = rows_of(answers_of(lambda who, s: s < 3, people=1))
         for share in (s for s in rows if s.what == "ours chosen"):

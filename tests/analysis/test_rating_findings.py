@@ -188,6 +188,18 @@ def test_a_designed_sequence_that_nobody_rated_keeps_its_rows_and_is_named() -> 
     assert statistic(findings, "all", "odds ratio of a higher rating, house to").what.endswith("to gym")
 
 
+def test_answers_that_separate_are_a_warning_and_no_end_of_an_interval_is_beyond_belief() -> None:
+    rng = np.random.default_rng(4)
+    high, low = (
+        {name: rng.integers(*span, 12).tolist() for name in ("gym", "house")} for span in ((4, 6), (1, 4))
+    )
+    findings = rating_findings(rating_data(rated(high, low), ("gym", "house")), 1)
+    (warning,) = findings.warnings
+    assert warning.startswith("odds ratio of a higher rating, the track to baseline: runs to plus infinity")
+    ends = [end for row in statistics(findings, "all", "odds ratio") for end in (row.ci_low, row.ci_high)]
+    assert all(end is None or 1e-6 <= end <= 1e6 for end in ends)
+
+
 def everybody_their_own() -> Analysis:
     """Twelve people, each of whom always gives one rating: the participants' SD has no bound."""
     own = [1 + person % 5 for person in range(12)]
