@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from evenlight.data_schema.printed import first_few as first_few
+
 
 def in_words(name: str) -> str:
     """Return the name of a sequence as it is written in a title; other capitals are kept.
@@ -97,16 +99,6 @@ def listed(names: Sequence[str]) -> str:
     'library, gym and basement'
     """
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
-
-
-def first_few(names: Sequence[str], most: int = 8) -> str:
-    """Return names with commas between them, the first few of many.
-
-    >>> first_few(["01", "02", "03", "04"], most=2)
-    '01, 02 and 2 others'
-    """
-    shown = ", ".join(names[:most])
-    return f"{shown} and {len(names) - most} others" if len(names) > most else shown
 
 
 def percent(share: float, digits: int = 1) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -28,6 +28,16 @@ def in_one_line(text: str) -> str:
     "no video 'a b'"
     """
     return printable(" ".join(text.splitlines()))
+
+
+def first_few(names: Sequence[str], most: int = 8) -> str:
+    """Return names with commas between them, the first few of many.
+
+    >>> first_few(["01", "02", "03", "04"], most=2)
+    '01, 02 and 2 others'
+    """
+    shown = ", ".join(names[:most])
+    return f"{shown} and {len(names) - most} others" if len(names) > most else shown
 
 
 class PrintedStream:

@@ -6,70 +6,22 @@ from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.importing.import_mapping import RELATIVE_RATES, ImportMapping
-from evenlight.data_schema.importing.source_tables import Row, SourceTable
 
+Values = dict[str, Any]  # by our attributes
 TOLERANCE = 0.02  # relative, of a measured luminance: about a luminance meter's accuracy (choice)
 
 
-def complete_ramps(
-    rows: list[tuple[Row, dict[str, Any]]], table: SourceTable, taken: ImportMapping, display: Display | None
-) -> list[str]:
-    """Fill in what follows of ramps, and return it in words.
+def complete_ramp(values: Values, where: str, display: Display, relative: bool) -> Values:
+    """Return a ramp's values by our attributes with those that follow from others, at its place in a file.
 
-    White at full factor has the display's peak luminance, and its factor is the share of that. Luminances of
-    one screen and factor that differ by at most `TOLERANCE` are one level, at their mean.
-
-    Parameters
-    ----------
-    rows : list of (Row, dict)
-        Line of each, and its values by our attributes, which are filled in.
-    table : SourceTable
-        Where they come from, for messages.
-    taken : ImportMapping
-        What the table has; a rate may be relative to the initial luminance.
-    display : Display or None
-        What the ramps were shown on.
+    White at full factor has the display's peak luminance, and its factor is the share of that; a rate may be
+    relative to the initial luminance.
 
     Raises
     ------
     InputError
-        Without a display, or if a row is brighter than it, or rate and luminances contradict each other.
+        If it is brighter than the display, or rate and luminances contradict each other.
     """
-    if display is None:
-        raise InputError(
-            f"{table.path}: ramps need --display, a preset's name or a file: a rate limit holds for the "
-            "display on which its ramps were shown, and for no other"
-        )
-    given, relative = taken.given, taken.units.get("rate") in RELATIVE_RATES
-    for line, values in rows:
-        _complete(values, table.place(line), display, relative)
-    merged = _merge_levels([values for _, values in rows])
-    highest = display.peak_luminance + display.reflected_luminance
-    for line, values in rows:
-        if values["factor"] is None:
-            lit = values["initial_luminance"] - display.reflected_luminance
-            values["factor"] = min(lit / display.peak_luminance, 1.0)
-        way = 1.0 if values.get("direction") == "up" else -1.0
-        start, seconds = values["initial_luminance"], values["duration"]
-        end = start + way * values["rate"] * seconds
-        if end > highest * (1 + TOLERANCE):
-            raise InputError(
-                f"{table.place(line)}: the ramp ends at {end:g} cd/m^2, but the display {display.name!r} "
-                f"shows {highest:g} at most; give that of the ramps with --display"
-            )
-        if end > highest:
-            end, values["rate"] = highest, (highest - start) / seconds
-        values["final_luminance"] = end
-    follows = [f"{name}: from the display" for name in ("initial_luminance", "factor") if name not in given]
-    follows += [] if "screen" in given else ["screen: white"]
-    follows += [] if "rate" in given else ["rate: from initial and final luminance, and duration"]
-    if merged:
-        follows.append(f"level: {merged} luminances within {TOLERANCE:.0%} of others are one with them")
-    return follows
-
-
-def _complete(values: dict[str, Any], where: str, display: Display, relative_rate: bool) -> None:
     values["screen"] = screen = values["screen"] or "white"
     start, end, factor = values["initial_luminance"], values["final_luminance"], values["factor"]
     expected = None  # it is known of white only
@@ -92,14 +44,13 @@ def _complete(values: dict[str, Any], where: str, display: Display, relative_rat
     values["initial_luminance"] = min(start, highest)
     if values["duration"] is None:
         raise InputError(f"{where}: no duration; expected how long the ramp lasted")
-    _complete_rate(values, start, end, where, relative_rate)
+    _complete_rate(values, start, end, where, relative)
     if "ramp_interval" in values and "procedure" not in values:
         values["procedure"] = "two_interval"
+    return values
 
 
-def _complete_rate(
-    values: dict[str, Any], start: float, end: float | None, where: str, relative: bool
-) -> None:
+def _complete_rate(values: Values, start: float, end: float | None, where: str, relative: bool) -> None:
     rate = values["rate"] * start if relative and values["rate"] is not None else values["rate"]
     if values["is_catch"]:
         if rate:
@@ -120,9 +71,41 @@ def _complete_rate(
     values["rate"], values["is_catch"] = rate, rate == 0
 
 
-def _merge_levels(rows: list[dict[str, Any]]) -> int:
-    """Give luminances that are one level their mean; return how many others there were."""
-    key, levels = "initial_luminance", dict[tuple[str, float | None], list[list[dict[str, Any]]]]()
+def end_ramp(values: Values, where: str, display: Display) -> Values:
+    """Return a ramp's values with its factor, and the luminance at its end, which the display must reach."""
+    highest = display.peak_luminance + display.reflected_luminance
+    if values["factor"] is None:
+        lit = values["initial_luminance"] - display.reflected_luminance
+        values["factor"] = min(lit / display.peak_luminance, 1.0)
+    way = 1.0 if values.get("direction") == "up" else -1.0
+    start, seconds = values["initial_luminance"], values["duration"]
+    end = start + way * values["rate"] * seconds
+    if end > highest * (1 + TOLERANCE):
+        raise InputError(
+            f"{where}: the ramp ends at {end:g} cd/m^2, but the display {display.name!r} "
+            f"shows {highest:g} at most; give that of the ramps with --display"
+        )
+    if end > highest:
+        end, values["rate"] = highest, (highest - start) / seconds
+    return values | {"final_luminance": end}
+
+
+def ramps_follow(given: set[str], merged: int) -> list[str]:
+    """Return what followed of ramps, in words: what was not given, and how many levels became others."""
+    follows = [f"{name}: from the display" for name in ("initial_luminance", "factor") if name not in given]
+    follows += [] if "screen" in given else ["screen: white"]
+    follows += [] if "rate" in given else ["rate: from initial and final luminance, and duration"]
+    if merged:
+        follows.append(f"level: {merged} luminances within {TOLERANCE:.0%} of others are one with them")
+    return follows
+
+
+def merge_levels(rows: list[Values]) -> int:
+    """Give luminances that are one level their mean; return how many others there were.
+
+    Those of one screen and factor are, if they differ by at most `TOLERANCE`.
+    """
+    key, levels = "initial_luminance", dict[tuple[str, float | None], list[list[Values]]]()
     for values in sorted(rows, key=lambda values: values[key]):
         own = levels.setdefault((values["screen"], values["factor"]), [])
         if not own or values[key] > own[-1][0][key] * (1 + TOLERANCE):

@@ -8,15 +8,16 @@ import math
 import re
 import types
 import typing
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.errors import InputError, shown, told_of_file
-from evenlight.data_schema.importing.import_mapping import UNITS, ImportMapping, fields_by_name
-from evenlight.data_schema.importing.source_tables import MISSING, Row, SourceTable
+from evenlight.data_schema.importing.import_request import COUNTS, UNITS, ImportRequest
 from evenlight.data_schema.mapping import type_hints
 from evenlight.data_schema.quantities import check_value, file_key
+from evenlight.data_schema.storage.foreign_tables import FILE_NAME, ForeignTable, Row
 from evenlight.data_schema.storage.tables import number_in
 
 # Names that other programs give to columns of ours, in small letters; units are never guessed.
@@ -24,47 +25,68 @@ ALSO_CALLED = {
     "participant_id": ("participant", "participant id", "participant_id", "subject", "subject_id"),
     "session_id": ("session", "session id", "session_id"),
     "found": ("correct", "accuracy"),
+    "n_yes": ("k",),
+    "n_ours": ("k",),
+    "n_trials": ("n",),
 }
+MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})  # in small letters; PsychoPy writes None
 TRUTHS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 _COMMA_NUMBER, _POINT_NUMBER = re.compile(r"-?\d+,\d+"), re.compile(r"-?\d*\.\d+")
+_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
 Cells = dict[str, tuple[str, str]]  # text of a cell and the column it stands in, by our attribute
 
 
-def taken_columns(table: SourceTable, mapping: ImportMapping) -> ImportMapping:
-    """Return a mapping with all columns that are taken: those that were named, and those whose names tell.
+def taken_columns(table: ForeignTable, asked: ImportRequest) -> ImportRequest:
+    """Return a request with all columns that are taken: those that were named, and those whose names tell.
 
     Raises
     ------
     InputError
         If a column that was named is not there, two could be meant, or one has no unit where it needs one.
     """
-    known = fields_by_name(mapping.record)
-    columns = {ours: theirs for ours, theirs in mapping.columns.items() if theirs}
-    for ours in {**columns, **mapping.constants}:
-        if (ours in columns) + (ours in mapping.constants) + (ours in mapping.wide) > 1:
+    columns = {ours: theirs for ours, theirs in asked.columns.items() if theirs}
+    if table.has(FILE_NAME):
+        columns.setdefault("participant_id", FILE_NAME)
+    for ours in {**columns, **asked.constants}:
+        if (ours in columns) + (ours in asked.constants) + (ours in asked.wide) > 1:
             raise InputError(f"{ours} is given twice; expected one of --column, --constant and --wide")
-    for theirs in (*columns.values(), *mapping.only):
+    for theirs in (*columns.values(), *asked.only):
         if not table.has(theirs):
-            raise InputError(
-                f"{table.path}: no column {theirs!r}; its columns are {', '.join(table.columns)}"
-            )
-    settled = {*mapping.columns, *mapping.constants, *mapping.wide}
-    for own in {each.name: each for each in known.values()}.values():
+            raise InputError(f"{table.path}: no column {theirs!r}; {table.what_columns()}")
+    settled = {*asked.columns, *asked.constants, *asked.wide, *columns}
+    for own in asked.fields.values():
         if own.name not in settled:
-            found = _own_column(table, own, own.name in mapping.units)
+            found = _own_column(table, own, own.name in asked.units)
             columns |= {own.name: found} if found else {}
-    for name in (*columns, *mapping.wide):
-        theirs, own = columns.get(name, ""), known[name]
-        unit = own.metadata.get("unit", "1")
-        if unit != "1" and name not in mapping.units and theirs.lower() != file_key(own):
-            raise InputError(
-                f"{table.path}: the unit of {theirs or mapping.wide[name]!r} ({name}) is not known; give it "
-                f"with --unit {name}=UNIT, one of {', '.join(UNITS[unit])}"
-            )
-    return dataclasses.replace(mapping, columns=columns)
+    number, answer, *_ = COUNTS.get(asked.task, ("", ""))
+    if number not in columns or answer in {
+        *columns,
+        *asked.constants,
+        *asked.wide,
+    }:  # then k and n are others
+        columns = {
+            o: theirs for o, theirs in columns.items() if o in settled or o not in (number, "n_trials")
+        }
+    for name in (*columns, *asked.wide):
+        theirs, own = columns.get(name, ""), asked.fields[name]
+        if (
+            own.metadata.get("unit", "1") != "1"
+            and name not in asked.units
+            and theirs.lower() != file_key(own)
+        ):
+            raise unknown_unit(table, theirs or asked.wide[name], own)
+    return dataclasses.replace(asked, columns=columns)
 
 
-def _own_column(table: SourceTable, own: dataclasses.Field[Any], unit_given: bool) -> str | None:
+def unknown_unit(table: ForeignTable, column: str, own: dataclasses.Field[Any]) -> InputError:
+    """Return the error of a column whose unit was not given."""
+    return InputError(
+        f"{table.path}: the unit of {column!r} ({own.name}) is not known; give it with --unit "
+        f"{own.name}=UNIT, one of {', '.join(UNITS[own.metadata.get('unit', '1')])}"
+    )
+
+
+def _own_column(table: ForeignTable, own: dataclasses.Field[Any], unit_given: bool) -> str | None:
     """Return the column whose name is ours but for capitals; None if there is none, or it needs a unit."""
     names = {file_key(own), *ALSO_CALLED.get(own.name, ())}
     if own.metadata.get("unit", "1") == "1" or unit_given:
@@ -78,7 +100,7 @@ def _own_column(table: SourceTable, own: dataclasses.Field[Any], unit_given: boo
     return found[0] if found else None
 
 
-def rows_of_cells(table: SourceTable, taken: ImportMapping) -> Iterator[tuple[Row, Cells]]:
+def rows_of_cells(table: ForeignTable, taken: ImportRequest) -> Iterator[tuple[Row, Cells]]:
     """Yield line and cells of each trial; a row of a wide table holds several."""
     constants = {ours: (text, f"--constant {ours}") for ours, text in taken.constants.items()}
     places = _wide_places(table, taken)
@@ -89,101 +111,105 @@ def rows_of_cells(table: SourceTable, taken: ImportMapping) -> Iterator[tuple[Ro
             yield line, constants | cells | told | own
 
 
-def _wide_places(table: SourceTable, taken: ImportMapping) -> list[tuple[Cells, dict[str, str]]]:
+def _wide_places(table: ForeignTable, taken: ImportRequest) -> list[tuple[Cells, dict[str, str]]]:
     """Return what the names of columns tell of each trial of a row, and its columns; one if not wide."""
-    if not taken.wide:
-        return [({}, {})]
     places: dict[tuple[str, ...], tuple[Cells, dict[str, str]]] = {}
     for ours, pattern in taken.wide.items():
         expression, names = _expression(pattern, taken)
-        found = [(column, re.fullmatch(expression, column)) for column in table.columns]
-        if not any(match for _, match in found):
+        found = {column: match for column in table.columns if (match := re.fullmatch(expression, column))}
+        if not found:
             raise InputError(
-                f"{table.path}: no column is like --wide {ours}={pattern}; its columns are "
-                f"{', '.join(table.columns)}"
+                f"{table.path}: no column is like --wide {ours}={pattern}; {table.what_columns()}"
             )
-        _refuse_unknown_versions(table, taken, ours, [match for _, match in found if match])
-        for column, match in found:
-            if match:
-                told = {name: (match[name], column) for name in names}
-                key = tuple(match[name] for name in sorted(names))
-                places.setdefault(key, (told, {}))[1][ours] = column
-    return list(places.values())
+        _refuse_unknown_versions(table, taken, ours, found)
+        for column, match in found.items():
+            key = tuple(match[name] for name in sorted(names))
+            places.setdefault(key, ({name: (match[name], column) for name in names}, {}))[1][ours] = column
+    return list(places.values()) or [({}, {})]
 
 
 def _refuse_unknown_versions(
-    table: SourceTable, taken: ImportMapping, ours: str, matches: list[re.Match[str]]
+    table: ForeignTable, taken: ImportRequest, ours: str, found: dict[str, re.Match[str]]
 ) -> None:
-    pattern, kinds = taken.wide[ours], type_hints(taken.record)
-    choices = [name for name in matches[0].groupdict() if issubclass(plain_kind(kinds[name]), enum.Enum)]
-    shape = re.escape(pattern).replace(r"\{", "{").replace(r"\}", "}")
-    loose = re.sub(r"\{(\w+)\}", lambda part: f"(?P<{fields_by_name(taken.record)[part[1]].name}>.+)", shape)
-    whole = {match[0] for match in matches}
-    rest = {
-        tuple(text for name, text in match.groupdict().items() if name not in choices) for match in matches
-    }
-    for column in table.columns:
+    """Refuse a column that a pattern would take too if only its version, or other choice, were known."""
+    loose, names = _expression(taken.wide[ours], taken, known=False)
+    kinds = _kinds(taken)
+    choices = [name for name in names if _words(kinds[name])]
+    others = [name for name in names if name not in choices]
+    known = {tuple(match[name] for name in others) for match in found.values()}
+    for column in table.columns if choices else ():
         match = re.fullmatch(loose, column)
-        if not choices or match is None or column in {*whole, *taken.columns.values(), *taken.only}:
+        if match is None or column in {*found, *taken.columns.values(), *taken.only}:
             continue
-        if tuple(text for name, text in match.groupdict().items() if name not in choices) in rest:
+        if tuple(match[name] for name in others) in known:
             name, text = choices[0], match[choices[0]]
-            members = list(typing.cast("type[enum.Enum]", plain_kind(kinds[name])))
-            known = taken.values.get(name, {}).values()
-            value = next((one.value for one in reversed(members) if one.value not in known), members[0].value)
+            said = taken.values.get(name, {}).values()
+            value = next((one for one in reversed(_words(kinds[name])) if one not in said), "VALUE")
             raise InputError(
-                f"{table.path}: the column {column!r} is like --wide {ours}={pattern}, but what {text!r} "
-                f"means is not known; say it, as with --value {name}:{value}={text}"
+                f"{table.path}: the column {column!r} is like --wide {ours}={taken.wide[ours]}, but what "
+                f"{text!r} means is not known; say it, as with --value {name}:{value}={text}"
             )
 
 
-def _expression(pattern: str, taken: ImportMapping) -> tuple[str, list[str]]:
-    fields, kinds = fields_by_name(taken.record), type_hints(taken.record)
-    expression, names = "", []
+def _expression(pattern: str, taken: ImportRequest, known: bool = True) -> tuple[str, list[str]]:
+    """Return what columns of a pattern match, and ours in it; with choices by their known words, or any."""
+    expression, names, kinds = "", list[str](), _kinds(taken)
     for number, part in enumerate(re.split(r"\{(\w+)\}", pattern)):
         if number % 2 == 0:
             expression += re.escape(part)
             continue
-        if part not in fields or fields[part].name in names:
+        if part not in taken.fields or taken.fields[part].name in names:
             raise InputError(f"--wide {pattern}: expected columns of ours in braces, each once, got {part!r}")
-        name = fields[part].name
+        name = taken.fields[part].name
         names.append(name)
-        kind = plain_kind(kinds[name])
-        choices = [re.escape(text) for text in taken.values.get(name, ())]
-        choices += [f"(?i:{member.value})" for member in kind] if issubclass(kind, enum.Enum) else []
-        inside = "|".join(choices) or (r"\d+" if kind is int else ".+")
+        words = [f"(?i:{word})" for word in _words(kinds[name])]
+        choices = [*map(re.escape, taken.values.get(name, ())), *words] if known else []
+        inside = "|".join(choices) or (r"\d+" if kinds[name] is int else ".+")
         expression += f"(?P<{name}>{inside})"
     return expression, names
 
 
-def plain_kind(kind: Any) -> type[Any]:
-    """Return the type of a value that may also be unknown.
+def wide_hint(table: ForeignTable) -> str:
+    """Return which option takes a table with a column for each answer; empty if it does not look like one."""
+    parts = [found for name in table.columns if (found := re.fullmatch("(.+)[_. -](.+)", name))]
+    for place, pattern in ((2, "{sequence}_{version}"), (1, "{version}_{sequence}")):
+        others = Counter(part[3 - place] for part in parts)
+        versions = sorted({part[place] for part in parts if others[part[3 - place]] > 1})
+        if len(versions) == 2:
+            return (
+                f"; if each answer has a column, as of {' and '.join(versions)}, give --wide OURS={pattern}, "
+                "and --value version:ours=THEIRS"
+            )
+    return ""
 
-    >>> plain_kind(int | None)
-    <class 'int'>
-    """
-    if isinstance(kind, types.UnionType):
-        kind = next(part for part in typing.get_args(kind) if part is not types.NoneType)
-    return typing.cast("type[Any]", kind)
+
+def _kinds(taken: ImportRequest) -> dict[str, type[Any]]:
+    """Return the type of each of our columns, where its value is known."""
+    hints = {name: type_hints(taken.record).get(name, int) for name in taken.fields}
+    unions = (kind for kind in hints.values() if isinstance(kind, types.UnionType))
+    known = {
+        kind: next(part for part in typing.get_args(kind) if part is not types.NoneType) for kind in unions
+    }
+    return {name: known.get(kind, kind) for name, kind in hints.items()}
+
+
+def _words(kind: type[Any]) -> list[str]:
+    """Return the values among which a choice is; none where it is no choice."""
+    return [str(member.value) for member in kind if member.value] if issubclass(kind, enum.Enum) else []
 
 
 class CellReader:
     """Reads cells as plain values of our columns, in our units.
 
-    Parameters
-    ----------
-    table : SourceTable
-        The file.
-    taken : ImportMapping
-        What its columns, units and values mean.
-    rows : list of (Row, Cells)
-        All of them: the numbers of each file tell whether its decimals come after commas.
+    All rows are handed in: the numbers of each file tell whether its decimals come after commas.
     """
 
-    def __init__(self, table: SourceTable, taken: ImportMapping, rows: list[tuple[Row, Cells]]) -> None:
-        self._table, self._mapping = table, taken
-        self._fields = {each.name: each for each in dataclasses.fields(taken.record)}
-        self._kinds = {name: plain_kind(kind) for name, kind in type_hints(taken.record).items()}
+    def __init__(self, table: ForeignTable, taken: ImportRequest, rows: list[tuple[Row, Cells]]) -> None:
+        self._table, self._taken, self._fields, self._kinds = table, taken, taken.fields, _kinds(taken)
+        self._given, self._units = taken.given, taken.units
+        missing = taken.settings.get("missing", [])
+        self._missing = MISSING | {text.lower() for text in missing}
+        self._missing_numbers = {float(text) for text in missing if _NUMBER.fullmatch(text)}
         numeric = [name for name in taken.given if self._kinds[name] in (int, float)]
         numbers: dict[Path, set[str]] = {}
         for row, cells in rows:
@@ -199,29 +225,32 @@ class CellReader:
     def value(self, name: str, cells: Cells, line: Row) -> Any:
         """Return what a cell stands for, as JSON would hold it; None if it is empty or not there.
 
+        Of a value that has a label, choices and names are what the label says, and numbers the value.
+
         Raises
         ------
         InputError
             If it cannot be that, naming file, line, column and value.
         """
         text, column = cells.get(name, ("", ""))
-        given = self._mapping.values.get(name, {})
-        text = given.get(text, text)
+        kind, own, given = self._kinds[name], self._fields[name], self._taken.values.get(name, {})
+        number = float(text) if self._missing_numbers and _NUMBER.fullmatch(text) else None
+        if text.lower() in self._missing or number in self._missing_numbers:
+            return None
+        label = text if kind in (int, float) else self._table.labels.get(column, {}).get(text, text)
+        text = given.get(text, given.get(label, label))
+        where = self._table.place(line, column)
         if text.lower() in MISSING:
             return None
-        where = self._table.place(line, column)
-        kind, own = self._kinds[name], self._fields[name]
-        if issubclass(kind, enum.Enum):
-            return _choice(kind, text, where, name)
-        if kind is bool:
-            if text.lower() not in TRUTHS:
+        if known := [*TRUTHS] if kind is bool else _words(kind):
+            if text.lower() not in known:
+                wanted = "true or false" if kind is bool else f"one of {', '.join(map(repr, known))}"
                 raise InputError(
-                    f"{where}: expected true or false, got {text!r}; {_value_hint(name, 'true')}"
+                    f"{where}: expected {wanted}, got {text!r}; say what stands for them, as with --value "
+                    f"{name}:{known[0]}=THEIRS"
                 )
-            return TRUTHS[text.lower()]
-        if line.path in self.decimal_commas:
-            text = text.replace(",", ".") if kind in (int, float) else text
-        value: Any = text if kind is str else self._number(name, kind, text, where)
+            return TRUTHS[text.lower()] if kind is bool else text.lower()
+        value = text if kind is str else self._number(name, text, line, where)
         try:
             if not own.metadata.get("pattern"):  # names are made fit later
                 check_value(own, value)
@@ -229,31 +258,41 @@ class CellReader:
             raise InputError(f"{where}: {told_of_file(error)}") from None
         return value
 
-    def values(self, cells: Cells, line: Row) -> dict[str, Any]:
-        """Return what all cells of a row stand for; without those that are empty and have a default."""
-        values = {name: self.value(name, cells, line) for name in self._fields if name != "simulated"}
-        required = {name for name, each in self._fields.items() if each.default is dataclasses.MISSING}
-        return {name: value for name, value in values.items() if value is not None or name in required}
+    def values(self, cells: Cells, line: Row, unknown: Collection[str]) -> dict[str, Any]:
+        """Return what a row's cells stand for, without those that are empty and have a default.
 
-    def _number(self, name: str, kind: type[Any], text: str, where: str) -> float:
-        number = number_in(text, where)
+        Of columns without a default that are taken, only the `unknown` may be empty.
+        """
+        values = {}
+        for each in dataclasses.fields(self._taken.record):
+            name, required = each.name, each.default is dataclasses.MISSING
+            value = None if name == "simulated" else self.value(name, cells, line)
+            if value is None and required and name in self._given and name not in unknown:
+                where = self._table.place(line, self._taken.columns.get(name, name))
+                raise InputError(f"{where}: no {name}; expected one in each row with an answer")
+            if value is not None or (required and name != "simulated"):
+                values[name] = value
+        return values
+
+    def answers(self, cells: Cells, line: Row) -> list[Cells]:
+        """Return the cells of each trial that a row stands for: its own, or by its counts of answers."""
+        if not self._taken.counted:
+            return [cells]
+        name, answer, word, other = COUNTS[self._taken.task]
+        column = cells[name][1]
+        number, total = (self.value(each, cells, line) for each in (name, "n_trials"))
+        if number is None or total is None or number > total:
+            where = self._table.place(line, column)
+            raise InputError(f"{where}: expected {name} of n_trials, got {number} of {total}")
+        trials = (word,) * number + (other,) * (total - number)
+        return [cells | {answer: (each, column)} for each in trials]
+
+    def _number(self, name: str, text: str, line: Row, where: str) -> float:
+        number = number_in(text.replace(",", ".") if line.path in self.decimal_commas else text, where)
         unit = self._fields[name].metadata.get("unit", "1")
-        number *= UNITS[unit][self._mapping.units[name]] if name in self._mapping.units else 1.0
-        if kind is not int:
+        number *= UNITS[unit][self._units[name]] if name in self._units else 1.0
+        if self._kinds[name] is not int:
             return number
         if not math.isfinite(number) or abs(number - round(number)) > 1e-6:
             raise InputError(f"{where}: expected a whole number, got {shown(text)}")
         return round(number)
-
-
-def _choice(kind: type[enum.Enum], text: str, where: str, name: str) -> str:
-    known = [str(member.value) for member in kind if member.value]
-    found = next((value for value in known if value == text.lower()), None)
-    if found is None:
-        wanted = ", ".join(map(repr, known))
-        raise InputError(f"{where}: expected one of {wanted}, got {text!r}; {_value_hint(name, known[0])}")
-    return found
-
-
-def _value_hint(name: str, value: str) -> str:
-    return f"say what stands for them, as with --value {name}:{value}=THEIRS"

@@ -4,6 +4,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.storage.tables import csv_text
 
 ID_RULE = "letters and digits, a digit among them, such as 01"
 _ID = re.compile("(?=.*[0-9])[0-9A-Za-z]+")  # with a digit: a name has none
@@ -44,11 +50,56 @@ def participant_id_in(text: str) -> str | None:
     return bare if fits else None
 
 
-def participant_codes(number: int, prefix: str = "P") -> list[str]:
-    """Return codes for so many participants.
+def numbered_codes(number: int, prefix: str = "") -> list[str]:
+    """Return codes that count.
 
-    >>> participant_codes(2), participant_codes(1, "")
+    >>> numbered_codes(2, "P"), numbered_codes(1)
     (['P01', 'P02'], ['01'])
     """
     width = max(2, len(str(number)))
     return [f"{prefix}{n:0{width}}" for n in range(1, number + 1)]
+
+
+def ids_for(texts: list[str]) -> dict[str, str]:
+    """Return ids for other programs' texts: those that they stand for or, if one is none, codes for all.
+
+    >>> ids_for(["VP 1", "VP 2"]), ids_for(["VP 1", "Anna"])
+    ({'VP 1': 'VP1', 'VP 2': 'VP2'}, {'VP 1': 'P01', 'Anna': 'P02'})
+    """
+    found = [participant_id_in(text) for text in texts]
+    ids = [each for each in found if each]
+    return dict(zip(texts, ids if len(ids) == len(texts) else numbered_codes(len(texts), "P"), strict=True))
+
+
+def are_codes(ids: dict[str, str]) -> bool:
+    """Return whether ids, by the texts that they are for, are codes that were given to them."""
+    return any(participant_id_in(text) is None for text in ids)
+
+
+@contextmanager
+def written_key(path: Path | None, ids: dict[str, str]) -> Iterator[None]:
+    """Write whose codes ids are, for its owner alone; it goes again if the block fails.
+
+    Raises
+    ------
+    InputError
+        If something is there: a key is never overwritten.
+    """
+    if path is None:
+        yield
+        return
+    text = csv_text(("participant_id", "source_id"), ((code, text) for text, code in ids.items()))
+    try:
+        with path.open("x", encoding="utf-8", newline="\n") as file:
+            path.chmod(0o600)
+            file.write(text)
+    except OSError as error:
+        raise InputError(
+            f"{path}: the key of the participants' codes cannot be written ({error.strerror}); a key that is "
+            "there is never overwritten: move it, or give another folder as `out`"
+        ) from None
+    try:
+        yield
+    except BaseException:
+        path.unlink(missing_ok=True)
+        raise

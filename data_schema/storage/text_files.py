@@ -18,6 +18,14 @@ from evenlight.data_schema.storage.whole_files import write_whole
 
 Record = TypeVar("Record")
 DEEPEST = 50  # levels of lists and tables in each other; records have five
+_BYTE_ORDER_MARKS = {
+    b"\xff\xfe\0\0": "utf-32",
+    b"\0\0\xfe\xff": "utf-32",
+    b"\xff\xfe": "utf-16",
+    b"\xfe\xff": "utf-16",
+    b"\xef\xbb\xbf": "utf-8",
+}
+_CONTROL = re.compile("[\0-\x08\x0e-\x19\x1b-\x1f]")  # no text has them; Windows may end one with \x1a
 _JSON_TOKEN = re.compile(r'"(?:[^"\\]|\\.)*"|[{}\[\]:,]|[^\s{}\[\]:,"]+')
 _TOML_TABLE = re.compile(r"\s*\[+\s*([^\]]+?)\s*\]")
 _TOML_KEY = re.compile(r"\s*([A-Za-z0-9_-]+|\"[^\"]*\"|'[^']*')\s*=")
@@ -37,6 +45,40 @@ def read_text(path: Path, what: str) -> str:
         raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {what}") from error
     except MemoryError:
         raise InputError(f"{path}: does not fit into the memory; expected {what}") from None
+
+
+def read_bytes(path: Path, what: str) -> bytes:
+    """Return a file's bytes, or raise an `InputError` that names the file and what was expected in it."""
+    try:
+        with open_input(path, what, MOST_BYTES) as stream:
+            return stream.read()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror or error}); expected {what}") from error
+    except MemoryError:
+        raise InputError(f"{path}: does not fit into the memory; expected {what}") from None
+
+
+def decoded_text(content: bytes, encoding: str = "") -> tuple[str, str] | None:
+    r"""Return another program's text, with lines that end in newlines, and its encoding; None if it is none.
+
+    Without an encoding that is given, a byte order mark tells it, or the zeros that UTF-16 puts beside every
+    Latin letter. What is not UTF-8 else is Windows' cp1252, or Latin-1 if cp1252 has not all of its bytes.
+
+    >>> decoded_text("Küche\r\n".encode("cp1252"))
+    ('Küche\n', 'cp1252')
+    """
+    marks = [name for mark, name in _BYTE_ORDER_MARKS.items() if content.startswith(mark)]
+    zeros = [content[first:2000:2].count(0) for first in (0, 1)]
+    if max(zeros) > len(content[:2000]) / 8 and min(zeros) == 0:
+        marks += ["utf-16-be" if zeros[0] else "utf-16-le"]
+    for name in [encoding] if encoding else [*marks[:1], "utf-8", "cp1252", "latin-1"]:
+        try:
+            text = content.decode(name)
+        except (UnicodeError, LookupError):
+            continue
+        if name == "utf-8" or not _CONTROL.search(text):
+            return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n"), name
+    return None
 
 
 def read_json(path: Path, what: str) -> Any:

@@ -37,6 +37,7 @@ GUARDED = {
     "hardware/drivers/device_lock.py": {"fcntl": 1, "major": 1, "minor": 1},  # ImportError: nothing is locked
     "hardware/drivers/program_lines.py": {"SIGKILL": 2, "killpg": 1, "set_blocking": 1},  # require_unix
     "hardware/drivers/serial_link.py": {"termios": 1},  # ImportError: HAS_TERMINALS
+    "data_schema/storage/binary_tables.py": {"resource": 1},  # sys.platform: memory is not limited
     # sys.platform: Windows has another clock
     "hardware/presentation/openxr_runtime.py": {"CLOCK_MONOTONIC": 1, "clock_gettime_ns": 1},
     "experiments/follow/mpv_player.py": {"AF_UNIX": 1},  # hasattr, in follow_film.py

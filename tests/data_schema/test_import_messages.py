@@ -77,14 +77,14 @@ def test_ratings_that_cannot_be_read_are_refused_in_one_line(importing, tmp_path
 @pytest.mark.parametrize(
     ("text", "options", "message"),
     [
-        (SEARCHES.replace("2,5", "32,5"), SEARCH_OPTIONS,
-         ', line 4: search_time_s must be at most the time limit, got 32.5 of 30 s'),
+        (SEARCHES.replace("2,5", "32,5").replace("3,25", "33,25"), SEARCH_OPTIONS,
+         ', line 2: search_time_s must be at most the time limit, got 33.25 of 30 s (and 1 other row)'),
         (RAMPS, RAMP_OPTIONS,
          ": ramps need --display, a preset's name or a file: a rate limit holds for the display on "
          'which its ramps were shown, and for no other'),
-        (RAMPS.replace("20.9", "209"), (*RAMP_OPTIONS, "--display", "varjo-xr3"),
-         ", line 5: initial_luminance is 209 cd/m^2, but the display 'varjo-xr3' shows 0 to 104.4; "
-         'give that of the ramps with --display'),
+        (RAMPS.replace("20.9", "209").replace("52.3", "523"), (*RAMP_OPTIONS, "--display", "varjo-xr3"),
+         ", line 3: initial_luminance is 523 cd/m^2, but the display 'varjo-xr3' shows 0 to 104.4; "
+         'give that of the ramps with --display (and 1 other row)'),
     ],
 )  # fmt: skip
 def test_searches_and_ramps_that_cannot_be_read_are_refused_too(importing, tmp_path, text, options, message):
@@ -319,7 +319,7 @@ def test_each_file_is_a_participant_and_is_numbered_in_its_manifest(imported, tm
         (rows("1", 4, 3), "sequence gym, version ours is there already, in line 3 of a.csv"),
         (rows("01", 4, 3), "'01', and '1' of line 3 of a.csv, would be one participant_id"),
         (rows("2", 4, 3).replace("slider.response", "key"), "b.csv: no row of it is a trial"),
-        (rows("2", 4, "x"), "b.csv, line 4, column 'slider.response': expected a number, got 'x'"),
+        (rows("2", "x", "x"), "b.csv, line 3, column 'slider.response': expected a number, got 'x'"),
         (rows("2", 4, 3).replace(",", ";"), "b.csv: CSV with semicolons, but"),
     ],
     ids=["same trial", "nearly the same name", "other columns", "bad value", "other kind of table"],

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import pandas  # noqa: F401 - here, so that its import is not on the clock of the first file that needs it
 import pytest
+from foreign_files import FORMATS
 from gltf_files import room
 from mutants import mutant
 
@@ -33,7 +34,7 @@ from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.export.exporting import export_psych_ds
 from evenlight.data_schema.importing.import_dataset import import_dataset
-from evenlight.data_schema.importing.import_mapping import ImportRequest, import_mapping
+from evenlight.data_schema.importing.import_request import ImportRequest, import_request
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.instrument_logs import (
     ClockPing,
@@ -42,7 +43,6 @@ from evenlight.data_schema.recordings.instrument_logs import (
     PowerLog,
     PowerSample,
 )
-from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.tables import read_rows, write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.threshold import Threshold
@@ -97,6 +97,7 @@ RATINGS = "participant,session,sequence,version,rating\n" + "".join(
     for sequence in ("gym", "library")
     for version in ("ours", "baseline")
 )
+BINARY_TABLES = ("Excel.xlsx", "OpenDocument.ods", "SPSS.sav", "Stata.dta")
 TRIALS = '[{"participant": "1", "session": "1", "sequence": "gym", "version": "ours", "rating": 3}]'
 MAPPING = '[columns]\nrating = "rating"\n[values.version]\nours = "ours"\n[constants]\nsession_id = "1"\n'
 
@@ -138,8 +139,8 @@ def frames_of(path: Path) -> None:
 
 def import_ratings(out: Path, table: Path, mapping: Path | None = None) -> None:
     """A data set of another program's table."""
-    meaning = import_mapping(TASKS["rating"].trial, {}, mapping)
-    written(out, lambda: import_dataset(ImportRequest((table,), "rating", meaning), out))
+    asked = import_request(ImportRequest("rating", (table,)), {}, mapping)
+    written(out, lambda: import_dataset(asked, out))
 
 
 def written(out: Path, write: Callable[[], object]) -> None:
@@ -231,6 +232,8 @@ def kinds(tmp_path_factory, make_stimulus, make_video) -> dict[str, Kind]:
     }
     for name, text in texts.items():
         (root / name).write_text(text)
+    for name in BINARY_TABLES:
+        FORMATS[name](root / name, [line.split(",") for line in RATINGS.splitlines()])
     (root / "brightness.csv").write_text(brightness_table())
     shutil.copytree(pages.SHIPPED / "de", root / "pages")
     shutil.copy(catalogue.PATHS / "gym.json", root / "path.json")
@@ -324,6 +327,7 @@ def kinds_in(root: Path) -> dict[str, Kind]:
         ),
         "ratings.csv": Kind(root, lambda path: import_ratings(scratch, path), 2),
         "trials.json": Kind(root, lambda path: import_ratings(scratch, path), 2),
+        **{name: Kind(root, lambda path: import_ratings(scratch, path), 8) for name in BINARY_TABLES},
         "mapped.toml": Kind(root, lambda path: import_ratings(scratch, root / "ratings.csv", path), 2),
         "meter.csv": Kind(root, luminance_readings_from_csv),
         "brightness.csv": Kind(root, read_backlight_curve),
