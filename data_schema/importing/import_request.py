@@ -51,45 +51,19 @@ _Field = dataclasses.Field[Any]
 
 @dataclass(frozen=True, slots=True)
 class ImportRequest:
-    """What is imported, and what another program's table means.
-
-    Attributes
-    ----------
-    task : str
-        One of the built-in tasks.
-    paths : tuple of Path
-        The files of the table, one or several.
-    display : Display or None
-        What was looked at; None if unknown.
-    simulated : bool
-        Whether simulated observers answered.
-    columns : dict of str to str
-        Their column, or a path into its JSON, by our attribute; empty for one that is not to be taken.
-    units : dict of str to str
-        Unit of their numbers, by our attribute.
-    values : dict of str to dict of str to str
-        Our value for each of theirs, by our attribute.
-    constants : dict of str to str
-        What holds for all rows, by our attribute.
-    wide : dict of str to str
-        Pattern of columns that hold one of ours each, as `{sequence}_{version}`, by our attribute.
-    only : dict of str to list of str
-        Values of a column of theirs, of which a row must have one to be taken.
-    settings : dict of str to list of str
-        How the file is read, by the names of `SETTINGS`.
-    """
+    """What is imported, and what another program's table means, by our attributes."""
 
     task: str
-    paths: tuple[Path, ...]
-    display: Display | None = None
-    simulated: bool = False
-    columns: dict[str, str] = field(default_factory=dict)
-    units: dict[str, str] = field(default_factory=dict)
-    values: dict[str, dict[str, str]] = field(default_factory=dict)
-    constants: dict[str, str] = field(default_factory=dict)
-    wide: dict[str, str] = field(default_factory=dict)
-    only: dict[str, list[str]] = field(default_factory=dict)
-    settings: dict[str, list[str]] = field(default_factory=dict)
+    paths: tuple[Path, ...]  # of one table, or of several that are alike
+    display: Display | None = None  # None if it is unknown what was looked at
+    simulated: bool = False  # whether simulated observers answered
+    columns: dict[str, str] = field(default_factory=dict)  # theirs, or a path into JSON; empty for none
+    units: dict[str, str] = field(default_factory=dict)  # of their numbers
+    values: dict[str, dict[str, str]] = field(default_factory=dict)  # our value for each of theirs
+    constants: dict[str, str] = field(default_factory=dict)  # what holds for all rows
+    wide: dict[str, str] = field(default_factory=dict)  # pattern of columns, as `{sequence}_{version}`
+    only: dict[str, list[str]] = field(default_factory=dict)  # by their column: what a row must have
+    settings: dict[str, list[str]] = field(default_factory=dict)  # how it is read, by `SETTINGS`
 
     @property
     def record(self) -> type[Any]:
@@ -137,14 +111,8 @@ def import_request(
 ) -> ImportRequest:
     """Return a request with what options, and a TOML file, say about a table.
 
-    Parameters
-    ----------
-    request : ImportRequest
-        Of a task and files, without what is said here.
-    options : mapping of str to iterable of str
-        By names of `OPTIONS` and `SETTINGS`; they override the file.
-    path : Path, optional
-        TOML with the tables [columns], [units], [values.OURS], [constants], [wide], [only], and settings.
+    Options, by the names of `OPTIONS` and `SETTINGS`, override the file, whose tables are [columns], [units],
+    [values.OURS], [constants], [wide] and [only]; settings are its keys.
 
     Raises
     ------

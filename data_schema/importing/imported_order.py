@@ -5,9 +5,9 @@ from __future__ import annotations
 import dataclasses
 import re
 import unicodedata
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Any
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.importing.import_request import ImportRequest
@@ -16,6 +16,9 @@ from evenlight.data_schema.recordings.participant_ids import are_codes, ids_for,
 from evenlight.data_schema.recordings.viewing import name_in, repetitions
 from evenlight.data_schema.storage.foreign_tables import ForeignTable, Row
 
+Given = TypeVar("Given")
+Made = TypeVar("Made")
+MOST_LEFT_OUT, SHARE_LEFT_OUT = 3, 0.05  # impossible rows; more say that a column is misunderstood (choice)
 COPIED_ROWS = 10  # rows in the same order that agree in every cell by no chance (choice)
 _DATE = re.compile(r"\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4}")
 ONLY_SESSION = "01"  # of rows that name none
@@ -27,6 +30,7 @@ ITEMS = {
     "search": ("participant_id", "sequence", "keypoint", "version"),
     "ramp": (*SESSION, "screen", "direction", "initial_luminance", "rate", "duration"),
 }
+ANSWERS = ("rating", "response", "chosen", "response_time")  # the time last
 TIMED = ("search", "ramp")  # whose rows are copies only where ten on end are
 
 
@@ -36,7 +40,25 @@ class Rows:
 
     table: ForeignTable
     taken: ImportRequest
-    rows: list[tuple[Row, dict[str, Any]]]
+    rows: list[tuple[Row, dict[str, Any]]] = field(default_factory=list)
+    impossible: dict[Row, str] = field(default_factory=dict)
+
+    def sound(
+        self, rows: list[tuple[Row, Given]], make: Callable[[Row, Given], Made]
+    ) -> list[tuple[Row, Made]]:
+        """Return what is made of rows; a few of which it cannot be become impossible, many are refused."""
+        made, problems = list[tuple[Row, Made]](), dict[Row, str]()
+        for line, values in rows:
+            try:
+                made.append((line, make(line, values)))
+            except InputError as error:
+                problems.setdefault(line, str(error))
+        self.impossible |= problems
+        failed, number = len(rows) - len(made), len(problems) - 1
+        if failed > max(MOST_LEFT_OUT, SHARE_LEFT_OUT * len(rows)) or 0 < len(rows) <= 2 * failed:
+            others = f" (and {number} other row{'s' * (number > 1)})" if number else ""
+            raise InputError(next(iter(problems.values())) + others)
+        return made
 
     def in_order(self) -> list[tuple[Row, dict[str, Any]]]:
         """Return the rows in the order of sessions and trials, or of the file where it is not known yet."""
@@ -160,13 +182,7 @@ def _repetitions(own: Rows, item: tuple[str, ...]) -> Iterator[str]:
 
 def _refuse_copied_answers(own: Rows, item: tuple[str, ...]) -> None:
     """Refuse a further answer that is an earlier one, in the measured time too."""
-    names = (
-        *(name for name in item if name != "session_id"),
-        "rating",
-        "response",
-        "chosen",
-        "response_time",
-    )
+    names = (*(name for name in item if name != "session_id"), *ANSWERS)
     for key, (first, *others) in own.groups(*names).items():
         if others and key[-1] is not None:
             line = others[0][0]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import itertools
-from collections.abc import Callable, Iterator
-from typing import Any, TypeVar
+from collections.abc import Iterator
+from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.importing.import_request import COUNTS, RELATIVE_RATES, ImportRequest
@@ -17,22 +17,13 @@ from evenlight.data_schema.importing.imported_ramps import (
     merge_levels,
     ramps_follow,
 )
-from evenlight.data_schema.importing.source_cells import (
-    CellReader,
-    Cells,
-    rows_of_cells,
-    unknown_unit,
-    wide_hint,
-)
+from evenlight.data_schema.importing.source_cells import CellReader, Cells, missing_column, rows_of_cells
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.printed import first_few
 from evenlight.data_schema.quantities import file_key
 from evenlight.data_schema.recordings.rating_scale import RatingScale, scale_of
 from evenlight.data_schema.storage.foreign_tables import ForeignTable, Row
 
-Given = TypeVar("Given")
-Made = TypeVar("Made")
-MOST_LEFT_OUT, SHARE_LEFT_OUT = 3, 0.05  # impossible rows; more say that a column is misunderstood (choice)
 # A row in which all of these are empty is no trial.
 ANSWERS = {
     "rating": ("rating",),
@@ -68,8 +59,8 @@ def imported_trials(
         raise InputError(f"{table.path}: none of {len(table.rows)} rows has --only {asked}")
     cells = list(rows_of_cells(dataclasses.replace(table, rows=tuple(wanted)), taken))
     _require_occurring(table, taken, cells)
-    reader, impossible = CellReader(table, taken, cells), dict[Row, str]()
-    several = _sound(cells, lambda line, each: reader.answers(each, line), impossible)
+    reader, own = CellReader(table, taken, cells), Rows(table, taken)
+    several = own.sound(cells, lambda line, each: reader.answers(each, line))
     cells = [(line, each) for line, one in several for each in one]
     has_answer = [_has_answer(reader, task, line, each) for line, each in cells]
     answered = list(itertools.compress(cells, has_answer))
@@ -83,9 +74,8 @@ def imported_trials(
             "columns in all files"
         )
     unknown = {"search_time", *FOLLOWS.get(task, ()), *nullable_fields(record)}
-    known = _sound(answered, lambda line, each: reader.values(each, line, unknown), impossible)
-    rows, told = _completed(table, taken, known, impossible)
-    own = Rows(table, taken, rows)
+    own.rows = own.sound(answered, lambda line, each: reader.values(each, line, unknown))
+    told = _completed(own)
     ids, ordered = put_in_order(own)
     told += ordered
     keys = {each.name: file_key(each) for each in dataclasses.fields(record)}
@@ -94,7 +84,7 @@ def imported_trials(
         plain = {keys[name]: value for name, value in values.items()} | {"simulated": taken.simulated}
         return record_from_mapping(record, plain, table.place(line))
 
-    trials = _sound(own.rows, trial, impossible)
+    trials = own.sound(own.rows, trial)
     told = [f"  {words}" for words in told]
     told += ["numbers have decimal commas"] if reader.decimal_commas else []
     if len(wanted) < len(table.rows):
@@ -105,9 +95,11 @@ def imported_trials(
         places = f"{table.counted}{'s' * (len(numbers) > 1)} {first_few(numbers)}"
         answer = f"row{'s' * (len(unanswered) > 1)} without {'a rating' if task == 'rating' else 'an answer'}"
         told.append(f"skipped {len(unanswered)} {answer} ({places})")
-    if impossible:
-        told.append(f"left out {len(impossible)} of {len(table.rows)} rows, as their values are impossible:")
-        told += [f"  {why.removeprefix(f'{table.path}, ')}" for _, why in sorted(impossible.items())]
+    if own.impossible:
+        told.append(
+            f"left out {len(own.impossible)} of {len(table.rows)} rows, as their values are impossible:"
+        )
+        told += [f"  {why.removeprefix(f'{table.path}, ')}" for _, why in sorted(own.impossible.items())]
     return trials, told, ids
 
 
@@ -115,25 +107,6 @@ def wanted_rows(table: ForeignTable, taken: ImportRequest) -> list[tuple[Row, di
     """Return the rows that `only` asks for; all where it asks for none."""
     only = taken.only.items()
     return [row for row in table.rows if all(table.cell(row[1], theirs) in known for theirs, known in only)]
-
-
-def _sound(
-    rows: list[tuple[Row, Given]], make: Callable[[Row, Given], Made], impossible: dict[Row, str]
-) -> list[tuple[Row, Made]]:
-    """Return what is made of rows; a few of which it cannot be become impossible, many are refused."""
-    made, problems = list[tuple[Row, Made]](), dict[Row, str]()
-    for line, values in rows:
-        try:
-            made.append((line, make(line, values)))
-        except InputError as error:
-            problems.setdefault(line, str(error))
-    impossible |= problems
-    failed = len(rows) - len(made)
-    if failed > max(MOST_LEFT_OUT, SHARE_LEFT_OUT * len(rows)) or 0 < len(rows) <= 2 * failed:
-        number = len(problems) - 1
-        others = f" (and {number} other row{'s' * (number > 1)})" if number else ""
-        raise InputError(next(iter(problems.values())) + others)
-    return made
 
 
 def _has_answer(reader: CellReader, task: str, line: Row, cells: Cells) -> bool:
@@ -168,46 +141,37 @@ def _require_columns(table: ForeignTable, taken: ImportRequest) -> None:
     must = [(f.name,) for f in dataclasses.fields(record) if f.default is dataclasses.MISSING]
     for names in [*(one for one in must if one[0] not in free), *needed]:
         if not taken.given.intersection(names):
-            column = next((column for column in table.columns if column.lower() in names), None)
-            if column is not None:
-                raise unknown_unit(table, column, taken.fields[column.lower()])
-            raise InputError(
-                f"{table.path}: no column {' or '.join(names)}; name the one that it is with --column "
-                f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE{wide_hint(table)}; "
-                f"{table.what_columns()}"
-            )
+            raise missing_column(table, taken, names)
 
 
-def _completed(
-    table: ForeignTable, taken: ImportRequest, rows: list[tuple[Row, Values]], impossible: dict[Row, str]
-) -> tuple[list[tuple[Row, Values]], list[str]]:
-    """Return rows with what follows of each, and what that is in words."""
-    told = []
+def _completed(own: Rows) -> list[str]:
+    """Fill in what follows of each row, and return it in words."""
+    taken, place, told = own.taken, own.table.place, list[str]()
     if taken.counted:
         number, answer, yes, no = COUNTS[taken.task]
         told = [f"{answer}: {yes} in {number} of n_trials trials, {no} in the others"]
     if taken.task == "rating" and taken.scale:
-        column = taken.columns.get("rating", "rating")
+        column, ratings = taken.columns.get("rating", "rating"), [values["rating"] for _, values in own.rows]
         ends, _ = scale_of([], taken.scale)
-        within = [values["rating"] for _, values in rows if ends.lowest <= values["rating"] <= ends.highest]
-        scale, _ = scale_of([("", rating) for rating in within if ":" not in taken.scale], taken.scale)
-        rows = _sound(rows, lambda row, each: _on_scale(each, scale, table.place(row, column)), impossible)
+        within = [each for each in ratings if ":" not in taken.scale and ends.lowest <= each <= ends.highest]
+        scale, _ = scale_of([("", each) for each in within], taken.scale)
+        own.rows = own.sound(own.rows, lambda row, each: _on_scale(each, scale, place(row, column)))
     if taken.task == "comparison":
-        rows = _sound(rows, lambda _, values: _with_interval(values), impossible)
+        own.rows = [(row, _with_interval(values)) for row, values in own.rows]
     if taken.task == "search":
-        told += _censored([values for _, values in rows])
+        told += _censored([values for _, values in own.rows])
     if taken.task == "ramp":
         display, relative = taken.display, taken.units.get("rate") in RELATIVE_RATES
         if display is None:
             raise InputError(
-                f"{table.path}: ramps need --display, a preset's name or a file: a rate limit holds for the "
-                "display on which its ramps were shown, and for no other"
+                f"{own.table.path}: ramps need --display, a preset's name or a file: a rate limit holds for "
+                "the display on which its ramps were shown, and for no other"
             )
-        rows = _sound(rows, lambda row, v: complete_ramp(v, table.place(row), display, relative), impossible)
-        merged = merge_levels([values for _, values in rows])
-        rows = _sound(rows, lambda row, values: end_ramp(values, table.place(row), display), impossible)
+        own.rows = own.sound(own.rows, lambda row, each: complete_ramp(each, place(row), display, relative))
+        merged = merge_levels([values for _, values in own.rows])
+        own.rows = own.sound(own.rows, lambda row, each: end_ramp(each, place(row), display))
         told += ramps_follow(taken.given, merged)
-    return rows, told
+    return told
 
 
 def _on_scale(values: Values, scale: RatingScale, where: str) -> Values:

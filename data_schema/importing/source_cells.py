@@ -59,27 +59,18 @@ def taken_columns(table: ForeignTable, asked: ImportRequest) -> ImportRequest:
             found = _own_column(table, own, own.name in asked.units)
             columns |= {own.name: found} if found else {}
     number, answer, *_ = COUNTS.get(asked.task, ("", ""))
-    if number not in columns or answer in {
-        *columns,
-        *asked.constants,
-        *asked.wide,
-    }:  # then k and n are others
-        columns = {
-            o: theirs for o, theirs in columns.items() if o in settled or o not in (number, "n_trials")
-        }
+    if number not in columns or answer in {*columns, *asked.constants, *asked.wide}:
+        guessed = {number, "n_trials"} - settled  # k and n are other things there
+        columns = {ours: theirs for ours, theirs in columns.items() if ours not in guessed}
     for name in (*columns, *asked.wide):
         theirs, own = columns.get(name, ""), asked.fields[name]
-        if (
-            own.metadata.get("unit", "1") != "1"
-            and name not in asked.units
-            and theirs.lower() != file_key(own)
-        ):
-            raise unknown_unit(table, theirs or asked.wide[name], own)
+        has_unit = own.metadata.get("unit", "1") == "1" or name in asked.units
+        if not has_unit and theirs.lower() != file_key(own):
+            raise _unknown_unit(table, theirs or asked.wide[name], own)
     return dataclasses.replace(asked, columns=columns)
 
 
-def unknown_unit(table: ForeignTable, column: str, own: dataclasses.Field[Any]) -> InputError:
-    """Return the error of a column whose unit was not given."""
+def _unknown_unit(table: ForeignTable, column: str, own: dataclasses.Field[Any]) -> InputError:
     return InputError(
         f"{table.path}: the unit of {column!r} ({own.name}) is not known; give it with --unit "
         f"{own.name}=UNIT, one of {', '.join(UNITS[own.metadata.get('unit', '1')])}"
@@ -169,7 +160,18 @@ def _expression(pattern: str, taken: ImportRequest, known: bool = True) -> tuple
     return expression, names
 
 
-def wide_hint(table: ForeignTable) -> str:
+def missing_column(table: ForeignTable, taken: ImportRequest, names: tuple[str, ...]) -> InputError:
+    """Return the error of a table that has none of some of our columns, with what may be meant."""
+    column = next((column for column in table.columns if column.lower() in names), None)
+    if column is not None:
+        return _unknown_unit(table, column, taken.fields[column.lower()])
+    return InputError(
+        f"{table.path}: no column {' or '.join(names)}; name the one that it is with --column "
+        f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE{_wide_hint(table)}; {table.what_columns()}"
+    )
+
+
+def _wide_hint(table: ForeignTable) -> str:
     """Return which option takes a table with a column for each answer; empty if it does not look like one."""
     parts = [found for name in table.columns if (found := re.fullmatch("(.+)[_. -](.+)", name))]
     for place, pattern in ((2, "{sequence}_{version}"), (1, "{version}_{sequence}")):
