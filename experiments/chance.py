@@ -9,6 +9,7 @@ from __future__ import annotations
 import enum
 
 import numpy as np
+from numpy.typing import NDArray
 
 
 class Purpose(enum.IntEnum):
@@ -35,6 +36,9 @@ class Purpose(enum.IntEnum):
     SEARCHES = 25
     VIEWER = 26  # of a task from elsewhere
     VIEWERS_ANSWERS = 27
+    ROWS = 28  # of the orders of a study, whose key is its participants' places
+    HALVES = 29
+    RING_PLACES = 30
 
 
 def generator_for(seed: int, order_index: int, purpose: Purpose, *key: int) -> np.random.Generator:
@@ -82,3 +86,42 @@ def williams_row(n: int, row: int) -> tuple[int, ...]:
     order = tuple((place + shift) % n for place in zigzag)
     mirrored = n % 2 == 1 and row // n % 2 == 1  # an odd square needs its mirror image to be balanced
     return order[::-1] if mirrored else order
+
+
+def drawn_row(n: int, order_index: int, seed: int, block: int = 1) -> int:
+    """Return a participant's row of a Williams square of n conditions, whose rows come in an order drawn.
+
+    Everybody's rows of a round differ. Two rounds have one draw; in the second, neighbours exchange theirs.
+
+    Parameters
+    ----------
+    n, order_index : int
+        Conditions, and the participant's place in the data set.
+    seed : int
+        Of the study's orders: the same for all participants.
+    block : int
+        Each block of a session has a draw of its own.
+    """
+    rounds, place = divmod(order_index, _rows(n))
+    rows = generator_for(seed, rounds // 2, Purpose.ROWS, block).permutation(_rows(n))
+    return int(rows[place ^ (rounds % 2)])
+
+
+def drawn_halves(n: int, order_index: int, seed: int, blocks: int = 1) -> NDArray[np.bool_]:
+    """Return in which of n conditions a participant sees one version first, in each block: (blocks, n).
+
+    That is half of them, drawn; over the blocks half of the times, in an order drawn. A participant and the
+    next, from 0 on, see the opposite; so do two with the same row of `drawn_row`.
+    """
+    rounds, place = divmod(order_index, _rows(n))
+    chance = generator_for(seed, rounds // 2, Purpose.HALVES, place // 2)
+    halves: list[NDArray[np.bool_]] = []
+    for _ in range(-(-blocks // 2)):
+        half = chance.permutation(n) % 2 == chance.integers(2)
+        halves += [half, ~half]
+    return chance.permutation(np.array(halves[:blocks])) ^ bool(place % 2)
+
+
+def _rows(n: int) -> int:
+    """Return after how many participants a Williams square repeats: an even number."""
+    return n * (1 + n % 2)

@@ -59,10 +59,10 @@ def test_fewer_people_never_give_a_narrower_band() -> None:
     study = Study(YES_NO, "preset", 4)
     widths: dict[int, list[float]] = {1: [], 2: [], 4: []}
     for seed in range(3):
-        trials, means = study.answers(seed)
+        trials, people = study.answers(seed)
         for n, own in widths.items():
             fit = fit_joint([trial for trial in trials if int(trial.participant_id) <= n])
-            own.append(compared(fit, study, means).half_width)
+            own.append(compared(fit, study, {at: each[:n] for at, each in people.items()}).half_width)
     one, two, four = (float(np.median(own)) for own in widths.values())
     assert one > two > four
     assert all(alone > both for alone, both in zip(widths[1], widths[2], strict=True))
@@ -76,8 +76,8 @@ def test_people_who_saw_everything_do_not_draw_the_limit_to_the_unsafe_side() ->
     study = Study(YES_NO, "preset", 8, ObserverPopulation(participant_sd=0.6), scale=0.4)
     joint, individual = [], []
     for seed in (1, 2, 3):
-        trials, means = study.answers(seed)
-        joint.append(compared(fit_joint(trials), study, means).own_errors.mean())
-        individual.append(individual_errors(trials, means).mean())
+        trials, people = study.answers(seed)
+        joint.append(compared(fit_joint(trials), study, people).own_errors.mean())
+        individual.append(individual_errors(trials, people).mean())
     assert np.mean(individual) > 0.07
     assert abs(np.mean(joint)) < 0.05

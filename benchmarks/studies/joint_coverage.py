@@ -30,6 +30,7 @@ COLUMNS = (
     "against those drawn",
     "largest local bias",
     "half-width",
+    "people covered",
     "falls",
     "shapes",
     "CPU s per set",
@@ -105,6 +106,7 @@ def _row(study: Study, asked: argparse.Namespace, mapped: Mapped) -> str:
     local = errors.mean(axis=0)
     worst = int(np.argmax(np.abs(local)))
     noise = errors[:, worst].std(ddof=1) / len(found) ** 0.5
+    held = np.array([one.people for one in found])
     shapes = Counter(f"{one.fit.basis.form.value} {one.fit.basis.degree}" for one in found)
     falls = sum(any("falls" in note for note in one.fit.notes) for one in found)
     at = found[0].fit.band_luminance[worst]
@@ -118,6 +120,7 @@ def _row(study: Study, asked: argparse.Namespace, mapped: Mapped) -> str:
         f"{own.mean():+.1%} ± {own.std(ddof=1) / len(found) ** 0.5:.1%}",
         f"{local[worst]:+.1%} ± {noise:.1%} at {at:.0f}",
         f"{np.mean([one.half_width for one in found]):.3f}",
+        f"{held.mean():.1%} ± {held.mean(axis=1).std(ddof=1) / len(found) ** 0.5:.1%}",
         str(falls),
         ", ".join(f"{name}: {count}" for name, count in shapes.most_common()),
         f"{seconds:.1f}",

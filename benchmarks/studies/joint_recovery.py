@@ -79,11 +79,11 @@ class Study:
         assert isinstance(design, RampDesign)
         return design
 
-    def answers(self, seed: int) -> tuple[list[RampTrial], dict[float, float]]:
-        """Return the trials of a data set, and the mean ln(threshold) of its people at each luminance."""
+    def answers(self, seed: int) -> tuple[list[RampTrial], dict[float, list[float]]]:
+        """Return the trials of a data set, and ln(threshold) of its people at each luminance."""
         viewing = RampViewing(self.ramps, load_display(DISPLAY), _weber(), self.population)
         trials: list[RampTrial] = []
-        sums: dict[float, float] = {}
+        own: dict[float, list[float]] = {}
         for k in range(self.participants):
             seen = viewing.person_of((seed, k))
             factors = {
@@ -93,8 +93,8 @@ class Study:
             trials += answered_session(viewing, (seed, k), f"{k + 1:02d}", observer)
             for level in ramp_levels(self.ramps, load_display(DISPLAY)):
                 at, function = level.luminance, observer.function_at(level.luminance, self.ramps.procedure)
-                sums[at] = sums.get(at, 0.0) + float(np.log(function.threshold)) / self.participants
-        return trials, sums
+                own.setdefault(at, []).append(float(np.log(function.threshold)))
+        return trials, own
 
     def _over_limit(self, luminance: float) -> float:
         """Return the truth as a multiple of the limit that observers are drawn from."""
@@ -143,6 +143,8 @@ class Recovered:
         Whether the truth lies in the simultaneous band everywhere.
     pointwise : array (97,) of bool
         Whether it lies in the pointwise band.
+    people : array (participants,) of bool
+        Whether the mean factor by which a person's thresholds differ from the truth lies in its interval.
     """
 
     fit: JointFit
@@ -150,6 +152,7 @@ class Recovered:
     own_errors: Array
     covered: bool
     pointwise: NDArray[np.bool_]
+    people: NDArray[np.bool_]
 
     @property
     def half_width(self) -> float:
@@ -167,31 +170,34 @@ def recovered_sets(
 
 def recovered(study: Study, seed: int, options: RateLimitOptions | None = None) -> Recovered:
     """Return what is found of a data set."""
-    trials, means = study.answers(seed)
-    return compared(fit_joint(trials, options), study, means)
+    trials, people = study.answers(seed)
+    return compared(fit_joint(trials, options), study, people)
 
 
-def compared(fit: JointFit, study: Study, means: dict[float, float]) -> Recovered:
-    """Return a fit against the truth of its study, and the mean ln(threshold) of its participants."""
+def compared(fit: JointFit, study: Study, people: dict[float, list[float]]) -> Recovered:
+    """Return a fit against the truth of its study, and ln(threshold) of its participants."""
     at = fit.band_luminance
     truth = study.true_curve(at)
     curve = fit.basis.rate(fit.basis.design(at) @ fit.coefficients)
     inside = (fit.simultaneous_lower <= truth) & (truth <= fit.simultaneous_upper)
     pointwise = (fit.pointwise_lower <= truth) & (truth <= fit.pointwise_upper)
-    levels = np.array(list(means))
-    own = fit.basis.design(levels) @ fit.coefficients - np.array(list(means.values()))
-    return Recovered(fit, np.log(curve / truth), own, bool(inside.all()), pointwise)
+    levels, thresholds = np.array(list(people)), np.array(list(people.values()))
+    own = fit.basis.design(levels) @ fit.coefficients - thresholds.mean(axis=1)
+    factors = (thresholds - np.log(study.true_curve(levels))[:, None]).mean(axis=0)
+    ends = np.log([(one.ci_low, one.ci_high) for one in fit.participants]).T
+    held = (ends[0] <= factors) & (factors <= ends[1])
+    return Recovered(fit, np.log(curve / truth), own, bool(inside.all()), pointwise, held)
 
 
-def individual_errors(trials: list[RampTrial], means: dict[float, float]) -> Array:
+def individual_errors(trials: list[RampTrial], people: dict[float, list[float]]) -> Array:
     """Return ln(curve / geometric mean of the participants' thresholds) of the individual fits' curve.
 
     Parameters
     ----------
-    trials, means
+    trials, people
         What `Study.answers` gives.
     """
     thresholds = [fit.threshold for fit in fit_thresholds_of(trials, judge=False)]
     limit = fit_thresholds(thresholds, load_display(DISPLAY)).limit
-    levels = np.array(list(means))
-    return np.asarray(np.log(rate_limit_at(limit, levels)) - np.array(list(means.values())))
+    means = [float(np.mean(own)) for own in people.values()]
+    return np.asarray(np.log(rate_limit_at(limit, np.array(list(people)))) - means)

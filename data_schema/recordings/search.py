@@ -8,6 +8,7 @@ from evenlight.data_schema.recordings.viewing import (
     NAME,
     PAPER_SEQUENCES,
     ClipLog,
+    RatingDesign,
     RatingTrial,
     Version,
     require_names,
@@ -15,7 +16,7 @@ from evenlight.data_schema.recordings.viewing import (
 
 # Gap directions of ISO 8596: degrees counter-clockwise from the right.
 ORIENTATIONS = (0, 45, 90, 135, 180, 225, 270, 315)
-KEYPOINT = "^[A-Za-z0-9][A-Za-z0-9_-]*/[A-Za-z0-9][A-Za-z0-9 _-]*$"
+KEYPOINT = f"{NAME[:-1]}/[A-Za-z0-9][A-Za-z0-9 _-]*$"  # a path's name, and a keypoint's
 
 
 @record
@@ -64,6 +65,7 @@ class SearchDesign:
         "true if a flagged trial is shown again at the end; false because a place that was seen is known",
         default=False,
     )
+    order_seed: int = as_in(RatingDesign, "order_seed")
 
     def __post_init__(self) -> None:
         require_names(self.sequences, "sequences")

@@ -77,6 +77,7 @@ class RatingDesign:
     minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
     max_dropped_share: float = share("a trial with a larger share of dropped frames is flagged", default=0.01)
     repeat_flagged: bool = as_in(RampDesign, "repeat_flagged")
+    order_seed: int = count("draws the orders of all participants, within their balance", default=1)
 
     def __post_init__(self) -> None:
         require_names(self.sequences, "sequences")
@@ -101,6 +102,7 @@ class ComparisonDesign:
     minutes_between_breaks: float = as_in(RampDesign, "minutes_between_breaks")
     max_dropped_share: float = as_in(RatingDesign, "max_dropped_share")
     repeat_flagged: bool = as_in(RampDesign, "repeat_flagged")
+    order_seed: int = as_in(RatingDesign, "order_seed")
 
     def __post_init__(self) -> None:
         require_names(self.sequences, "sequences")

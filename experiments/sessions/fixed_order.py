@@ -103,7 +103,7 @@ class FixedOrder:
             raise InputError(
                 f"trial {trial.trial_index} of participant {trial.participant_id} is not the one that "
                 f"design, display, stimuli and seed of the session say ({', '.join(different)}); a session "
-                "goes on only with those it began with"
+                "goes on only with those, and the version of Evenlight, that it began with"
             )
         queued, showings = self._queue[self._place]
         self._place, self._next = self._place + 1, None

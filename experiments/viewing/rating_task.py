@@ -6,15 +6,14 @@ from typing import Any
 
 from evenlight.data_schema.recordings.rig import Keys
 from evenlight.data_schema.recordings.viewing import LOWEST_RATING, RatingDesign, RatingTrial, Version
-from evenlight.experiments.chance import williams_row
+from evenlight.experiments.chance import drawn_row, williams_row
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.viewing.viewing_task import (
     ClipTask,
+    pairs_in_order,
     planned_clips,
     practice_sequences,
-    sequences_in_order,
-    versions_in_order,
 )
 
 
@@ -45,9 +44,9 @@ class RatingTask(ClipTask):
 def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedTrial, ...]:
     """Return the trials of a participant: a block for each repetition.
 
-    Sequences, or all versions of them where they are not together, stand in the order of a Williams square.
-    Which version comes first alternates from sequence to sequence, from participant to participant, from one
-    round of the square to the next, and from repetition to repetition.
+    Sequences, or all versions of them where they are not together, stand in the order of a Williams square
+    whose rows are drawn. Which version comes first is drawn too: ours in half of the sequences, for half of
+    the participants and of the repetitions (docs/decisions/order-of-trials.md).
 
     Parameters
     ----------
@@ -57,19 +56,16 @@ def rating_order(design: RatingDesign, order_index: int) -> tuple[PlannedTrial, 
         The participant's place in the data set.
 
     >>> order = rating_order(RatingDesign(sequences=("gym", "library")), 0)
-    >>> [(trial.sequence, trial.version.value) for trial in order]
-    [('gym', 'ours'), ('gym', 'baseline'), ('library', 'baseline'), ('library', 'ours')]
+    >>> sorted((trial.sequence, trial.version.value) for trial in order)
+    [('gym', 'baseline'), ('gym', 'ours'), ('library', 'baseline'), ('library', 'ours')]
     """
     trials: list[PlannedTrial] = []
-    for repetition in range(1, design.repetitions + 1):
-        pairs = [
-            (sequence, version)
-            for sequence in sequences_in_order(design.sequences, order_index)
-            for version in versions_in_order(design.sequences, sequence, order_index, repetition)
-        ]
+    for repetition, ordered in enumerate(pairs_in_order(design, order_index), start=1):
+        pairs = [(sequence, version) for sequence, versions in ordered for version in versions]
         if not design.versions_together:
             every = [(sequence, version) for sequence in design.sequences for version in Version]
-            pairs = [every[k] for k in williams_row(len(every), order_index + repetition - 1)]
+            row = drawn_row(len(every), order_index, design.order_seed, repetition)
+            pairs = [every[k] for k in williams_row(len(every), row)]
         seen: set[str] = set()
         for sequence, version in pairs:
             place = 2 if sequence in seen else 1

@@ -13,7 +13,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
 from evenlight.data_schema.recordings.viewing import Version
-from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.experiments.chance import Purpose, drawn_halves, drawn_row, generator_for, williams_row
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.method.contrast.luminance import displayed_luminance
@@ -162,11 +162,12 @@ def search_order(
 ) -> tuple[PlannedTrial, ...]:
     """Return the trials of a participant: two blocks, each with every keypoint once.
 
-    In the first block every other keypoint has the brightness of ours and the rest that of the baseline, in
-    the second block the other way round. A keypoint's ring lies at one of its two places in the first block
-    and at the other in the second, so that nobody searches twice at the same place. Over four participants
-    each version of a keypoint comes first and second, at either place, equally often. The order within a
-    block is a row of a Williams square; the gap's direction is drawn, each of the eight as often as possible.
+    In the first block half of the keypoints, drawn, have the brightness of ours and the rest that of the
+    baseline, in the second block the other way round. A keypoint's ring lies at one of its two places in the
+    first block and at the other in the second, so that nobody searches twice at the same place. Over four
+    participants each version of a keypoint comes first and second, at either place, equally often. The order
+    within a block is a row, drawn, of a Williams square; the gap's direction is drawn, each of the eight as
+    often as possible.
 
     Parameters
     ----------
@@ -179,13 +180,17 @@ def search_order(
     """
     n = len(points)
     orientations = _orientations(2 * n, seed, order_index)
+    row, halves = (
+        drawn_row(n, order_index, design.order_seed),
+        drawn_halves(n, order_index, design.order_seed, 2),
+    )
+    chance = generator_for(design.order_seed, order_index // 4, Purpose.RING_PLACES)
+    places = chance.permutation(n) + order_index // 2
     trials: list[PlannedTrial] = []
     for block in (1, 2):
-        for k in williams_row(n, order_index + (block - 1) * (n // 2)):
-            # The row, too, moves on with the order index: with its parity in the version as well, the version
-            # would be tied to the place in the session.
-            version = VERSIONS[(k + order_index // 2 + block) % 2]
-            place = 1 + (k // 2 + order_index + block) % 2
+        for k in williams_row(n, row + (block - 1) * (n // 2)):
+            version = VERSIONS[int(halves[block - 1, k])]
+            place = 1 + int(places[k] + block) % 2
             trials.append(planned_search(design, points[k], version, place, orientations[len(trials)], block))
     return tuple(trials)
 

@@ -11,8 +11,8 @@ from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Keys
-from evenlight.data_schema.recordings.viewing import ClipLog, Version
-from evenlight.experiments.chance import Purpose, generator_for, williams_row
+from evenlight.data_schema.recordings.viewing import ClipLog, ComparisonDesign, RatingDesign, Version
+from evenlight.experiments.chance import Purpose, drawn_halves, drawn_row, generator_for, williams_row
 from evenlight.experiments.playback.clip_player import require_room
 from evenlight.experiments.sessions.dropped_frames import CHECK_SECONDS, FrameDemand, require_few_drops
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
@@ -133,20 +133,17 @@ def viewing_minutes(shown: float, n_trials: int) -> float:
     return (READING + shown + ANSWERING * n_trials) / 60
 
 
-def sequences_in_order(sequences: tuple[str, ...], order_index: int) -> list[str]:
-    """Return the sequences in the order of a participant."""
-    return [sequences[k] for k in williams_row(len(sequences), order_index)]
-
-
-def versions_in_order(
-    sequences: tuple[str, ...], sequence: str, order_index: int, repetition: int
-) -> tuple[Version, Version]:
-    """Return the two versions of a sequence in the order in which a participant sees them."""
-    # After so many participants the rows of the Williams square repeat: from then on, the other way round.
-    rows = len(sequences) * (1 + len(sequences) % 2)
-    rounds = order_index // rows
-    ours_first = (sequences.index(sequence) + order_index + rounds + repetition - 1) % 2 == 0
-    return (Version.OURS, Version.BASELINE) if ours_first else (Version.BASELINE, Version.OURS)
+def pairs_in_order(
+    design: RatingDesign | ComparisonDesign, order_index: int
+) -> list[list[tuple[str, tuple[Version, Version]]]]:
+    """Return the sequences and their versions in the order of a participant, by repetition."""
+    n, both = len(design.sequences), (Version.OURS, Version.BASELINE)
+    ours_first = drawn_halves(n, order_index, design.order_seed, design.repetitions)
+    rows = (drawn_row(n, order_index, design.order_seed, k + 1) for k in range(design.repetitions))
+    return [
+        [(design.sequences[k], both if first[k] else both[::-1]) for k in williams_row(n, row)]
+        for first, row in zip(ours_first.tolist(), rows, strict=True)
+    ]
 
 
 def practice_sequences(sequences: tuple[str, ...], n: int, seed: int, order_index: int) -> list[str]:

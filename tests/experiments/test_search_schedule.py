@@ -73,6 +73,16 @@ def test_over_four_participants_no_version_of_a_keypoint_is_tied_to_a_half_or_a_
     assert set(seen.values()) == {1}
 
 
+def test_of_any_ten_participants_about_half_see_a_version_of_a_keypoint_first() -> None:
+    firsts = [
+        {t.keypoint for t in order_of(p) if t.block == 1 and t.version is Version.OURS} for p in range(30)
+    ]
+    for start in range(21):
+        ours = Counter(name for own in firsts[start : start + 10] for name in own)
+        assert all(4 <= ours[p.keypoint] <= 6 for p in POINTS)
+    assert len(set(map(frozenset, firsts))) > 10  # two, before they were drawn
+
+
 @pytest.mark.parametrize("n", [5, 12, 21])
 def test_no_place_in_the_session_is_tied_to_a_version(n: int) -> None:
     """Over four rounds of the square, half of the trials at each place of the session are ours."""

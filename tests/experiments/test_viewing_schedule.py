@@ -1,5 +1,6 @@
 """Orders of rating and comparison: everything once, and nothing tied to anything over participants."""
 
+import itertools
 from collections import Counter
 
 import pytest
@@ -92,3 +93,41 @@ def test_practice_begins_with_ours_for_half_of_the_participants() -> None:
     assert first.count(Version.OURS) == 4
     intervals = [comparison_practice(ComparisonDesign(), 1, p)[0].ours_interval for p in range(8)]
     assert intervals.count(1) == 4
+
+
+def intervals_of(participant: int, repetitions: int = 1, seed: int = 1) -> list[int]:
+    design = ComparisonDesign(repetitions=repetitions, order_seed=seed)
+    return [t.ours_interval for t in comparison_order(design, participant)]
+
+
+@pytest.mark.parametrize("seed", [1, 2])
+def test_any_ten_participants_in_a_row_are_balanced(seed: int) -> None:
+    """Neighbours see opposite versions first: a window of ten leaves one out at each end, at most."""
+    design = RatingDesign(order_seed=seed)
+    firsts = [[t for t in rating_order(design, p) if t.place_in_pair == 1] for p in range(40)]
+    for start in range(31):
+        window = firsts[start : start + 10]
+        ours = Counter(t.sequence for own in window for t in own if t.version is Version.OURS)
+        assert all(4 <= ours[name] <= 6 for name in PAPER_SEQUENCES)
+        places = Counter((t.sequence, place) for own in window for place, t in enumerate(own))
+        assert all(1 <= places[name, place] <= 4 for name in PAPER_SEQUENCES for place in range(4))
+
+
+def test_patterns_of_versions_are_drawn() -> None:
+    patterns = Counter(tuple(intervals_of(participant)) for participant in range(40))
+    assert len(patterns) == 6  # all with two of each
+    assert max(patterns.values()) <= 12
+    assert [intervals_of(p) for p in range(8)] != [intervals_of(p, seed=2) for p in range(8)]
+
+
+def test_repetitions_come_in_other_orders_and_do_not_alternate() -> None:
+    design, alternating = ComparisonDesign(repetitions=10), 0
+    for participant in range(20):
+        order = comparison_order(design, participant)
+        blocks = {tuple(t.sequence for t in order if t.repetition == k) for k in range(1, 11)}
+        assert len(blocks) > 1
+        for name in PAPER_SEQUENCES:
+            own = [t.ours_interval for t in order if t.sequence == name]
+            assert own.count(1) == own.count(2) == 5
+            alternating += all(one != other for one, other in itertools.pairwise(own))
+    assert alternating <= 4  # of 80; strictly alternating ones are 2 of 252

@@ -13,8 +13,14 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from scipy import special
 
-from evenlight.analysis.calibration.joint.marginal_likelihood import AnswerTables, answer_tables, smoothed
+from evenlight.analysis.calibration.joint.marginal_likelihood import (
+    AnswerTables,
+    SmoothTables,
+    answer_tables,
+    smoothed,
+)
 from evenlight.analysis.calibration.joint.polynomial_shape import (
     ShapeScore,
     compared_shapes,
@@ -48,6 +54,7 @@ from evenlight.data_schema.recordings.ramp import RampTrial
 CURVES_DRAWN = 4000  # Monte Carlo error of a 95 % band's level: 0.3 %
 SEED = 1
 STAGES = 4  # of the fit, for a progress bar
+CURVE_STEP = 0.05  # ln units of a coefficient, over which participants' deviations are differenced
 LEAST_INFORMATION = 1.0  # on ln(ratio): a standard error of 1; less says nothing of a participant's effect
 
 
@@ -117,7 +124,7 @@ def fit_joint(
         basis=shape.basis,
         coefficients=found[: shape.basis.degree + 1],
         **_bands(population, draws, (shape.basis, found), options),
-        **_people(population),
+        **_people(population, smooth),
         shapes=shapes,
         reference=reference,
         effects=effects,
@@ -208,7 +215,7 @@ def _bands(
     return bands
 
 
-def _people(population: PopulationCurve) -> dict[str, Any]:
+def _people(population: PopulationCurve, smooth: SmoothTables) -> dict[str, Any]:
     spreads, central = [node.spread for node in population.nodes], population.central
     lapses = (central.evaluation.of_nodes * population.tables.lapse_rate).sum(axis=1)
     return {
@@ -216,7 +223,7 @@ def _people(population: PopulationCurve) -> dict[str, Any]:
         "level_sd": _spread_estimate([one.level_sd for one in spreads], population.weights),
         "width": float(np.exp(central.spread.width_mean)),
         "lapse_rate": float(lapses.mean()),
-        "participants": _participant_factors(population),
+        "participants": _participant_factors(population, smooth),
     }
 
 
@@ -269,7 +276,7 @@ class ParticipantFactor:
 
     participant_id: str
     factor: float  # posterior median
-    ci_low: float  # 95 % credible interval
+    ci_low: float  # 95 % credible interval, of person and curve together
     ci_high: float
     width: float  # of the psychometric function
     all_alike: bool  # whether all answers were alike: they bound the factor from one side only
@@ -321,8 +328,12 @@ def narrowed_to_rising(lower: Array, upper: Array) -> tuple[Array, Array] | None
     return (highest, lowest) if (highest <= lowest).all() else None
 
 
-def _participant_factors(population: PopulationCurve) -> tuple[ParticipantFactor, ...]:
-    """Return the factor of each participant, over all sizes of the spreads."""
+def _participant_factors(population: PopulationCurve, smooth: SmoothTables) -> tuple[ParticipantFactor, ...]:
+    """Return the factor of each participant, over all sizes of the spreads and all curves.
+
+    Where the curve lay lower, a participant would lie higher above it: an interval at the fitted curve alone
+    is too narrow, of few people by a third. How far they move with it is taken to first order.
+    """
     tables = population.tables
     u = max((node.evaluation.u for node in population.nodes), key=len)
     masses = np.zeros((len(tables.participants), u.size))
@@ -332,13 +343,50 @@ def _participant_factors(population: PopulationCurve) -> tuple[ParticipantFactor
         masses[:, low : low + seen.u.size] += weight * seen.of_u
     seen = population.central.evaluation
     widths = np.exp((seen.of_nodes * tables.ln_width).sum(axis=1))
-    ends = [np.exp(_quantiles(u, own)).tolist() for own in masses]
+    moves = _moved_by_curve(population, smooth)
+    ends = [np.exp(_with_normal(u, own, sd)).tolist() for own, sd in zip(masses, moves, strict=True)]
     return tuple(
         ParticipantFactor(who, middle, low, high, width, alike)
         for who, (low, middle, high), width, alike in zip(
             tables.participants, ends, widths.tolist(), tables.all_alike.tolist(), strict=True
         )
     )
+
+
+def _moved_by_curve(population: PopulationCurve, smooth: SmoothTables) -> Array:
+    """Return how far each participant's mean deviation moves with the curve: its standard deviation, (P,)."""
+    central, prior = population.central, population.prior
+    ordinates = prior.design @ central.at - np.log(population.tables.luminance)
+
+    def deviations(f: Array) -> Array:
+        seen = smooth.evaluate(f, central.spread)
+        return np.asarray(seen.of_u @ seen.u)
+
+    middle = deviations(ordinates)
+    moved = (deviations(ordinates + CURVE_STEP * column) for column in prior.design.T)
+    slopes = np.array([(there - middle) / CURVE_STEP for there in moved])  # (q, P)
+    offs = [node.mean - node.at for node in population.nodes]
+    covariances = [np.linalg.inv(node.precision) for node in population.nodes]
+    spread = sum(
+        weight * (own + np.outer(off, off))
+        for weight, own, off in zip(population.weights, covariances, offs, strict=True)
+    )
+    return np.asarray(np.sqrt(np.einsum("qp,qr,rp->p", slopes, spread, slopes)))
+
+
+def _with_normal(nodes: Array, masses: Array, sd: float) -> Array:
+    """Return the ends and the median of masses at nodes, the ends of their sum with a normal variable.
+
+    >>> _with_normal(np.array([-0.1, 0.0, 0.1]), np.array([0.01, 0.98, 0.01]), 1.0).round(2).tolist()
+    [-1.96, 0.0, 1.96]
+    """
+    middle = _quantiles(nodes, masses)[1]
+    finer = np.concatenate(
+        [nodes[0] - np.arange(5, 0, -0.05) * sd, nodes, nodes[-1] + np.arange(0.05, 5, 0.05) * sd]
+    )
+    below = special.ndtr((finer[:, None] - nodes) / sd) @ (masses / masses.sum())
+    low, high = np.interp((0.025, 0.975), below, finer)
+    return np.array([low, middle, high])
 
 
 def _spread_estimate(values: Sequence[float], weights: Array) -> SpreadEstimate:
