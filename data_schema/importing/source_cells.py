@@ -167,20 +167,22 @@ def missing_column(table: ForeignTable, taken: ImportRequest, names: tuple[str, 
         return _unknown_unit(table, column, taken.fields[column.lower()])
     return InputError(
         f"{table.path}: no column {' or '.join(names)}; name the one that it is with --column "
-        f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE{_wide_hint(table)}; {table.what_columns()}"
+        f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE{_wide_hint(table, taken)}; "
+        f"{table.what_columns()}"
     )
 
 
-def _wide_hint(table: ForeignTable) -> str:
+def _wide_hint(table: ForeignTable, taken: ImportRequest) -> str:
     """Return which option takes a table with a column for each answer; empty if it does not look like one."""
+    answer = {"rating": "rating", "search": "search_time"}.get(taken.task, "response")
     parts = [found for name in table.columns if (found := re.fullmatch("(.+)[_. -](.+)", name))]
     for place, pattern in ((2, "{sequence}_{version}"), (1, "{version}_{sequence}")):
         others = Counter(part[3 - place] for part in parts)
         versions = sorted({part[place] for part in parts if others[part[3 - place]] > 1})
         if len(versions) == 2:
             return (
-                f"; if each answer has a column, as of {' and '.join(versions)}, give --wide OURS={pattern}, "
-                "and --value version:ours=THEIRS"
+                f"; if each answer has a column, as of {' and '.join(versions)}, give --wide "
+                f"{answer}={pattern}, and --value version:ours=THEIRS"
             )
     return ""
 

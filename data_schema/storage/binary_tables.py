@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib.util
 import json
 import math
+import os
 import re
 import subprocess
 import sys
@@ -55,8 +56,10 @@ def read_binary_table(path: Path, kind: str, sheet: str = "") -> dict[str, Any]:
             f"{path}: {kind} needs an extra: pip install 'evenlight[tables]'; or save the table as CSV"
         )
     try:
-        command = [sys.executable, "-m", __name__, str(path), kind, sheet]
-        done = subprocess.run(command, capture_output=True, timeout=LONGEST, check=True)
+        # It finds modules where this process does, and none in the current folder (-P), maybe of strangers.
+        command = [sys.executable, "-P", "-m", __name__, str(path), kind, sheet]
+        paths = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+        done = subprocess.run(command, env=paths, capture_output=True, timeout=LONGEST, check=True)
         found: dict[str, Any] = json.loads(done.stdout)
     except (subprocess.SubprocessError, ValueError):
         raise InputError(f"{path}: cannot be read as {kind}; is it damaged, or protected?") from None

@@ -87,6 +87,9 @@ def test_a_table_without_a_header_is_named_by_an_option(imported, tmp_path, kind
     outcome, trials = imported(kind, table, "rating", *names, *values)
     assert outcome.code == 0, outcome.err
     assert [trial["rating"] for trial in trials] == [4, 3, 5]
+    if kind == "Excel.xlsx":
+        outcome, _ = imported(kind, table, "rating", *names, "--sheet", "Daten")
+        assert refusal(outcome, tmp_path) == "Excel.xlsx: no sheet 'Daten'; its sheets are Notes, Data"
     outcome, _ = imported(kind, table, "rating", "--names", "participant,rating")
     assert "expected 2 cells, got 5; --names has a name for each" in outcome.err
 
@@ -167,7 +170,7 @@ def test_a_wide_table_is_told_of_the_option(imported) -> None:
     table = [["participant", "gym_TBM", "gym_const", "hall_TBM", "hall_const"], ["VP1", 4, 3, 5, 2]]
     outcome, _ = imported("table.tsv", table, "rating")
     assert (
-        "if each answer has a column, as of TBM and const, give --wide OURS={sequence}_{version}"
+        "if each answer has a column, as of TBM and const, give --wide rating={sequence}_{version}"
         in outcome.err
     )
 
