@@ -119,7 +119,8 @@ def rating_fits(
 ) -> tuple[Fit, Fit]:
     """Fit all ratings: each participant with an effect of the version, for inference; and one effect for all.
 
-    The effects are those of version (ours to baseline), place (second to first) and sequences (to the first).
+    The effects are those of version (ours to baseline), place (second to first) and sequences (to the first),
+    in log-odds of a higher rating, or in standard deviations of the ratings where those are many.
     """
     own = _fit(ordinal_data(trials, sequences, 0, scale=scale), trials, (VERSION, PLACE))
     return own, _fit(ordinal_data(trials, sequences, scale=scale), trials, (VERSION,))

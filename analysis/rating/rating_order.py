@@ -40,6 +40,7 @@ CARRY_OVER = "mean of both versions, ours first less ours second"
 NO_PAIR = "nobody has rated both versions in an order that is known"
 RARE = 0.3  # share of the rarer order in a sequence below which an interval may hold less than it says
 NONE = 1e-9
+MOST_WORK = 2e8  # of an exact test between groups, n² Σ |score|: half a second
 ANOTHER = "another method than that of p: they may disagree"
 
 Contrast = tuple[Effect, int]  # between the two orders [rating points], with its p; and of how many people
@@ -135,10 +136,12 @@ def _between_people(seen: Seen, unit: Fraction) -> Contrast:
         why = "no two groups: all saw the same order, or a participant saw both" if seen else NO_PAIR
         return Effect(None, flag=why), len(own)
     both = Sample({str(k): mean for k, mean in enumerate([*groups[0], *groups[1]])}, unit)
-    scores, n = both.scores, len(groups[0])
+    tested, rounding = both.for_tests(MOST_WORK / len(both.of))
+    scores, n = tested.scores, len(groups[0])
     p_value = exact_tests.group_p_value(scores[:n], scores[n:])
     ours_first, second = ([float(mean) for mean in group] for group in groups)
-    return replace(group_difference(ours_first, second, both.step), p_value=p_value), len(own)
+    effect = group_difference(ours_first, second, both.step)
+    return replace(effect, p_value=p_value, flag=effect.flag or rounding), len(own)
 
 
 def _within_people(seen: Seen, rng: np.random.Generator, permutations: int, unit: Fraction) -> Contrast:

@@ -46,8 +46,7 @@ ALIKE = "participants who rate ours alike"
 ONE = Fraction(1)
 
 
-# Exact tests are enumerated over sums of whole scores: n people times Σ |score| is their work.
-MOST_WORK, ROUNDED_WORK = 10**7, 10**6  # beyond the first the scores are rounded, to about the second
+MOST_WORK = 4e6  # of an exact test, n Σ |score|; beyond, in a fraction of a second's time, scores are rounded
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,29 +71,27 @@ class Sample:
 
     @property
     def step(self) -> float:
-        """The smallest difference that such means can show, or are rounded to for tests [rating points]."""
+        """The smallest difference that such means can show [rating points]."""
         return float(self._step)
 
     @property
     def scores(self) -> Integers:
         """The numbers in steps: whole, as exact tests need them."""
-        step = self._step
-        return np.array([round(value / step) for value in self.of.values()], dtype=np.int64)
-
-    @property
-    def rounding(self) -> str:
-        """That the scores are rounded numbers, in words; empty where they are exact."""
-        rounded = any(value % self._step for value in self.of.values())
-        return f"exact tests of differences rounded to {self.step:g} points" if rounded else ""
+        return np.array([int(value / self._step) for value in self.of.values()], dtype=np.int64)
 
     @property
     def _step(self) -> Fraction:
-        steps = [value / self.unit for value in self.of.values()]
-        step = self.unit / math.lcm(*(value.denominator for value in steps))
-        work = len(steps) * sum(map(abs, self.of.values()))
-        if work <= MOST_WORK * step:
-            return step
-        return Fraction(10) ** math.ceil(math.log10(work / ROUNDED_WORK))
+        return self.unit / math.lcm(*((value / self.unit).denominator for value in self.of.values()))
+
+    def for_tests(self, work: float = MOST_WORK) -> tuple[Sample, str]:
+        """Return it in steps of which n Σ |score| is at most `work`, and that it is rounded, in words."""
+        coarsest = Fraction(len(self.of) * sum(map(abs, self.of.values()))) / Fraction(work)
+        if coarsest <= self._step:
+            return self, ""
+        power = Fraction(10) ** math.floor(math.log10(coarsest))
+        step = next(nice * power for nice in (1, 2, 5, 10) if nice * power >= coarsest)
+        rounded = {who: round(value / step) * step for who, value in self.of.items()}
+        return Sample(rounded, step), f"exact tests of differences rounded to {float(step):g} points"
 
 
 def mean_of(values: Sequence[Fraction | int]) -> Fraction:
@@ -242,9 +239,9 @@ def compared_pairs(pair: Sample, largest: float = LARGEST) -> dict[str, Effect]:
     """Return effects of differences of at most the largest, with the p of the tests that go with them."""
     if not pair.of:
         return dict.fromkeys((*ADJUSTED, *BESIDE), Effect(None, flag=NOBODY))
-    values, scores, step = pair.values, pair.scores, pair.step
+    tested_pair, rounding = pair.for_tests()
+    values, scores, step = pair.values, tested_pair.scores, tested_pair.step
     mean = effects.within(effects.exact_mean_difference(scores, step), -largest, largest)
-    rounding = pair.rounding
     if rounding:
         mean = replace(mean, value=float(values.mean()))
     flipped, ranks = exact.sign_flip_test(scores), exact.signed_rank_test(scores)

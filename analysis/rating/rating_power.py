@@ -43,11 +43,11 @@ def smallest_difference(
     """
     if n < fewest_pairs() or not spread > 0:
         return None
-    step = max(step, min(largest / LATTICE, max(spread / 4, FINEST)))
+    step = max(step, min(largest / LATTICE, max(spread / 2, FINEST)))
     ends = round(largest / step)
     uniform = rng.random((int(np.clip(20_000 // n, 300, 1000)), n))
     low, high = 0.0, float(largest)
-    while high - low > min(TOLERANCE, largest / 400):
+    while high - low > min(largest / 400, max(spread / 50, 0.01)):
         middle = (low + high) / 2
         edges = np.cumsum(likely_differences(middle, spread, largest / ends, largest))[:-1]
         drawn = np.searchsorted(edges, uniform) - ends

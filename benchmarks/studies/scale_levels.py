@@ -4,6 +4,7 @@
 of freedom). 0 to 100: a slider with skewed, bounded answers; people differ in how much of it they use, some
 keep to whole tens. Their effects of the version differ, with a mean of 0 or not. The truth of a mean in
 points is that of 40 000 people; that of the odds ratio, which such people do not have, is the fit of 1500.
+The table of docs/decisions/rating-scales.md.
 
 Run with `python benchmarks/studies/scale_levels.py [SETS]`: data sets of 17 people of each kind.
 """
@@ -23,7 +24,7 @@ from studies import Mapped, run_study
 from evenlight.analysis.inference.cumulative_link import fit_ordinal, shown_effect
 from evenlight.analysis.inference.exact_tests import sign_flip_test
 from evenlight.analysis.inference.paired_effects import Effect, exact_mean_difference
-from evenlight.analysis.rating.rating_model import likelihood_ratio, ordinal_data, rating_fits
+from evenlight.analysis.rating.rating_model import is_linear, likelihood_ratio, ordinal_data, rating_fits
 from evenlight.analysis.rating.rating_pairs import over_sequences, paired_ratings
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES, RatingTrial, Version
 
@@ -74,7 +75,8 @@ def said(trials: Sequence[RatingTrial]) -> dict[str, Effect]:
     overall = over_sequences(paired_ratings(trials, name) for name in PAPER_SEQUENCES)
     mean = exact_mean_difference(overall.scores, overall.step)
     fit, _ = rating_fits(trials, PAPER_SEQUENCES)
-    version, place = (shown_effect(fit, effect).shown() for effect in fit.effects[:2])
+    unit = float(np.std([trial.rating for trial in trials])) if is_linear(trials) else 1.0
+    version, place = (shown_effect(fit, effect).shown(unit.__mul__) for effect in fit.effects[:2])
     flips = Effect(mean.value, mean.ci_low, mean.ci_high, p_value=sign_flip_test(overall.scores).p_value)
     interaction, _ = likelihood_ratio(trials, PAPER_SEQUENCES, fit)
     return {"mean, sign flip": flips, "version": version, "place": place, "version x sequence": interaction}

@@ -108,15 +108,16 @@ def test_fifty_people_with_decimals_are_tested_exactly_and_endless_decimals_roun
     rng = np.random.default_rng(3)
     people = drawn(SCALES["0 to 100"], 0.8, 50, rng)
     overall = over_sequences(paired_ratings(trials_of(people), name) for name in PAPER_SEQUENCES)
-    assert (overall.rounding, overall.step) == ("", 0.025)  # tenths, over four sequences
+    assert (overall.for_tests(), overall.step) == ((overall, ""), 0.025)  # tenths, over four sequences
     differences = [Fraction(x) for x in rng.normal(10, 20, 12)]
     sample = Sample({str(k): x for k, x in enumerate(differences)})
     found = compared_pairs(sample, 100.0)["mean difference, ours less baseline"]
-    assert found.flag == f"exact tests of differences rounded to {sample.step:g} points"
+    tested, words = sample.for_tests()
+    assert found.flag == words == f"exact tests of differences rounded to {tested.step:g} points"
     assert found.value == pytest.approx(float(sum(differences) / 12), rel=1e-12)  # not rounded
-    assert found.p_value == sign_flip_test(sample.scores).p_value
+    assert found.p_value == sign_flip_test(tested.scores).p_value
     assert found.p_value == pytest.approx(p_by_enumeration(differences), abs=0.002)
-    assert sample.step <= 0.01
+    assert 12 * np.abs(tested.scores).sum() <= 4e6
 
 
 def test_seven_points_are_ordered_answers_counted_one_by_one() -> None:
