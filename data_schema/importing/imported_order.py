@@ -20,7 +20,7 @@ Given = TypeVar("Given")
 Made = TypeVar("Made")
 MOST_LEFT_OUT, SHARE_LEFT_OUT = 3, 0.05  # impossible rows; more say that a column is misunderstood (choice)
 COPIED_ROWS = 10  # rows in the same order that agree in every cell by no chance (choice)
-_DATE = re.compile(r"\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4}")
+_DATE = re.compile(r"(\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4})([T ][\d:.]+)?")
 ONLY_SESSION = "01"  # of rows that name none
 SESSION = ("participant_id", "session_id")
 # What is answered about: a further answer about it is a repetition.

@@ -165,8 +165,11 @@ def missing_column(table: ForeignTable, taken: ImportRequest, names: tuple[str, 
     column = next((column for column in table.columns if column.lower() in names), None)
     if column is not None:
         return _unknown_unit(table, column, taken.fields[column.lower()])
+    counts = (
+        f", or {COUNTS[taken.task][0]} and n_trials" if "response" in names and taken.task in COUNTS else ""
+    )
     return InputError(
-        f"{table.path}: no column {' or '.join(names)}; name the one that it is with --column "
+        f"{table.path}: no column {' or '.join(names)}{counts}; name the one that it is with --column "
         f"{names[0]}=THEIRS, or give --constant {names[0]}=VALUE{_wide_hint(table, taken)}; "
         f"{table.what_columns()}"
     )

@@ -230,11 +230,15 @@ def _csv_table(path: Path, text: str) -> _Sheet:
     reader = csv.reader([first])
     try:
         delimiter = max(DELIMITERS, key=lambda mark: len(next(csv.reader([first], delimiter=mark), [])))
-        reader = csv.reader(io.StringIO(text, newline=""), delimiter=delimiter)
+        if not any(mark in first for mark in DELIMITERS) and " " in first.strip():
+            delimiter, text = " ", "\n".join(line.rstrip() for line in text.split("\n"))  # MATLAB's and R's
+        reader = csv.reader(
+            io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=delimiter == " "
+        )
         rows = [(reader.line_num + skipped, cells) for cells in reader]
     except csv.Error as error:
         raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
-    kind = "TSV" if delimiter == "\t" else f"CSV with {DELIMITERS[delimiter]}"
+    kind = {" ": "text with blanks", "\t": "TSV"}.get(delimiter, f"CSV with {DELIMITERS.get(delimiter)}")
     return _Sheet(kind, rows, counted="line")
 
 

@@ -104,6 +104,7 @@ FORMATS: dict[str, Callable[[Path, Table], None]] = {
     "E-Prime without mark.txt": _text("\t", "utf-16-le", "\r\n"),
     "UTF-32.csv": _text(",", "utf-32"),
     "table.tsv": _text("\t", "utf-8"),
+    "MATLAB.txt": _text("   ", "utf-8", "  \r\n"),
     "objects.json": _json(lambda table: [dict(zip(table[0], row, strict=True)) for row in table[1:]]),
     "arrays.json": _json(lambda table: table),
     "columns.json": _json(_columns),

@@ -187,8 +187,9 @@ def test_a_wide_column_of_an_unknown_version_is_refused(rated) -> None:
     assert rated(text, *options, "--value", "version:baseline=const").code == 0
 
 
-def test_a_date_is_no_identifier(rated) -> None:
-    outcome = rated(HEADER + ROWS.replace("a,", "1990-01-01,"))
+@pytest.mark.parametrize("date", ["1990-01-01", "1990-01-01T00:00:00", "1.1.1990"])  # T: of a workbook
+def test_a_date_is_no_identifier(rated, date) -> None:
+    outcome = rated(HEADER + ROWS.replace("a,", f"{date},"))
     assert outcome.code == 2
     assert "looks like a date" in outcome.err
 
