@@ -17,7 +17,7 @@ import pandas as pd
 from scipy import stats
 
 from evenlight.analysis.inference.cumulative_link import fit_ordinal, shown_effect
-from evenlight.analysis.rating.rating_model import VERSION, ordinal_data
+from evenlight.analysis.rating.rating_model import VERSION, is_linear, ordinal_data
 from evenlight.analysis.session_loading import load_task
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.errors import InputError
@@ -141,6 +141,8 @@ def fit_measure(
     sequences = tuple(dict.fromkeys(trial.sequence for trial in trials))
     if len(sequences) < 2:
         raise InputError("the ratings are of one sequence: with two versions of it every measure fits alike")
+    if is_linear(trials):
+        raise InputError("more than 11 different ratings: this model is of ordered ratings; round them first")
     told = min(FREE_CHOICES, len(sequences) - 1)
     values = np.array([losses[trial.sequence, trial.version] for trial in trials])
     plain = ordinal_data(trials, sequences)

@@ -43,6 +43,7 @@ def smallest_difference(
     """
     if n < fewest_pairs() or not spread > 0:
         return None
+    largest = min(largest, max(LARGEST, 50 * spread))  # far beyond what is found
     step = max(step, min(largest / LATTICE, max(spread / 2, FINEST)))
     ends = round(largest / step)
     uniform = rng.random((int(np.clip(20_000 // n, 300, 1000)), n))

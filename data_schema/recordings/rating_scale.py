@@ -27,8 +27,8 @@ def exact(rating: float) -> Fraction:
 class RatingScale:
     """Which numbers a rating can be."""
 
-    lowest: float = quantity("1", "lowest rating", default=1.0)
-    highest: float = quantity("1", "highest rating", default=5.0)
+    lowest: float = quantity("1", "lowest rating", minimum=-1e9, maximum=1e9, default=1.0)
+    highest: float = quantity("1", "highest rating", minimum=-1e9, maximum=1e9, default=5.0)
     step: float = quantity("1", "from one rating to the next; 0 for any number", minimum=0.0, default=1.0)
 
     def __post_init__(self) -> None:

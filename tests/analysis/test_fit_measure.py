@@ -101,6 +101,13 @@ def test_one_sequence_tells_nothing():
         script.fit_measure(trials, losses, CANDIDATES)
 
 
+def test_ratings_of_a_slider_are_to_be_rounded_first():
+    trials = [rating_trial("01", f"s{k % 2}", version, 5 * k) for k in range(12) for version in Version]
+    losses = {(f"s{k}", version): np.full(8, 0.1) for k in range(2) for version in Version}
+    with pytest.raises(InputError, match="more than 11 different ratings"):
+        script.fit_measure(trials, losses, CANDIDATES)
+
+
 @pytest.fixture(scope="module")
 def stimuli(tmp_path_factory) -> Path:
     """A small sequence with its track."""

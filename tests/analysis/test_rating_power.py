@@ -49,3 +49,11 @@ def test_five_pairs_find_nothing_and_six_only_what_all_agree_in() -> None:
 
 def test_without_a_spread_there_is_no_smallest_difference() -> None:
     assert smallest_difference(17, 0.0, np.random.default_rng(1)) is None
+
+
+def test_on_a_wider_scale_the_smallest_difference_is_as_many_standard_deviations() -> None:
+    # 60 pairs: 2.80 SD / sqrt(n), as above; however long the scale is, and in whatever steps.
+    for largest, spread, step in ((100.0, 25.0, 1.0), (100.0, 2.0, 0.1), (1e9, 3.0, 1e-6), (1.0, 0.2, 0.01)):
+        found = smallest_difference(60, spread, np.random.default_rng(1), step, largest)
+        assert found is not None
+        assert 0.92 < found / (2.80 * spread / np.sqrt(60)) < 1.12
