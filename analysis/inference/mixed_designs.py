@@ -256,7 +256,7 @@ def effective_people(design: Array, index: int, groups: Integers) -> float:
     """
     own = design @ np.linalg.inv(design.T @ design)[:, index]
     shares = np.bincount(groups, weights=own**2)
-    return round(float(shares.sum() ** 2 / (shares @ shares)), 6)
+    return round(float(shares.sum() ** 2 / (shares @ shares)), 1)  # about 2 are 2, for a t of 1 degree
 
 
 def between_directions(design: Array, groups: Integers) -> int:

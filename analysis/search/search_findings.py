@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from evenlight.analysis.inference.fixed_effects import FitFlag
+from evenlight.analysis.inference.fixed_effects import SEPARATING
 from evenlight.analysis.integrity.gate import confounded_order
 from evenlight.analysis.report import Cell, KeyFigure, Section, Table
 from evenlight.analysis.report_prose import prose, section
@@ -42,7 +42,7 @@ ALPHA = 0.05
 MORE = 0.1  # light in the example of what the slope means
 RATIO_NAMES = ("ratio", "95 % CI", "p")
 UNDETECTED_NAMES = ("undetected: the track", "baseline", "p", "p (Holm)")
-SEPARATED = (FitFlag.SEPARATED, SearchFlag.OURS_FIRST, SearchFlag.BASELINE_FIRST)
+SEPARATED = (*SEPARATING, SearchFlag.OURS_FIRST, SearchFlag.BASELINE_FIRST)
 PAIR_NAMES = ("the track first", "baseline first", "after the same time", "not known")
 
 
@@ -90,7 +90,7 @@ def _separations(study: Study) -> Iterator[str]:
     for table, what in (("versions", RATIO), ("first found", of.HAZARD)):
         row = study.rows.find(table, EVERYWHERE, what)
         if row and any(flag.value in row.flag for flag in SEPARATED):
-            yield f"search: {what}: {row.flag}"
+            yield f"search: {of_track(what)}: {row.flag}"
 
 
 # --- first lines --------------------------------------------------------------------------------------------

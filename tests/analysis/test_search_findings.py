@@ -178,8 +178,8 @@ def test_a_version_in_which_nothing_was_found_separates() -> None:
         task_data(tuple(lost(t) if t.version is Version.OURS else t for t in searches(3)))
     )
     assert [words.partition(": ")[2] for words in warned.warnings] == [
-        f"{RATIO}: {ratio.flag}",
-        f"hazard ratio, ours / baseline: {hazard.flag}",
+        f"time ratio, the track / baseline: {ratio.flag}",
+        f"hazard ratio, the track / baseline: {hazard.flag}",
     ]
 
 
