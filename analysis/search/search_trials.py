@@ -310,7 +310,7 @@ def _warnings(
     if again := len(data.trials) - len(trials):
         yield (
             f"search: {again} searches at a location and in a version that the session had before were left "
-            "out"
+            "out; if the design repeats them, `repetition` is to number them, as a new import does"
         )
     people = {trial.participant_id for trial in trials}
     repeated = any(trial.repetition > 1 for trial in trials)
