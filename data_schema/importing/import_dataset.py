@@ -69,7 +69,7 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
     }
     sessions = _sessions(rows)
     with new_dataset(dataset) as staging, written_key(key_file, ids):
-        _write(taken, staging, sources, sessions)
+        _write(taken, staging, sources, sessions, table.title)
     people = len({participant for participant, _ in sessions})
     counts = {"participant": people, "session": len(sessions), "trial": len(rows)}
     words = [f"{number} {what}{'s' * (number != 1)}" for what, number in counts.items()]
@@ -77,6 +77,7 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
     head = f"{table.path}{others}: {table.file_format}, {len(table.rows)} rows"
     if table.encodings:
         head += f"; read as {' and '.join(table.encodings)}, as it is no UTF-8 (--encoding says otherwise)"
+    told += [f"title: {table.title}"] if table.title else []
     unknown = _unknown(request, [trial for _, trial in rows])
     source = sources[table.path]
     return [head, *_taken(source, taken), *told, unknown, f"{', '.join(words)} in {dataset}"]
@@ -102,6 +103,7 @@ def _write(
     staging: Path,
     sources: dict[Path, ImportSource],
     sessions: dict[Session, tuple[Path, list[Any]]],
+    title: str,
 ) -> None:
     provenance = provenance_now(inputs={source.file: source.sha256 for source in sources.values()})
     people = list(dict.fromkeys(participant for participant, _ in sessions))
@@ -109,7 +111,8 @@ def _write(
     # Without the names of the files, which may be people's.
     names = ", ".join(f"{number} file{'s' * (number != 1)} ({kind})" for kind, number in kinds.items())
     origin = f"imported from {names} into Evenlight"
-    write_description(staging, f"{request.task} trials of {names}", request.simulated, provenance, origin)
+    title = title or f"{request.task} trials of {names}"
+    write_description(staging, title, request.simulated, provenance, origin)
     write_participants(staging, people, request.simulated)
     for (participant, session), (path, trials) in sessions.items():
         source = sources[path]

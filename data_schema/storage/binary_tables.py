@@ -40,9 +40,9 @@ def binary_kind(content: bytes) -> str | None:
 
 
 def read_binary_table(path: Path, kind: str, sheet: str = "") -> dict[str, Any]:
-    """Return `kind`, `rows` (number and cells), `names` and `labels` of a file's table.
+    """Return `kind`, `rows` (number and cells), `names`, `labels` and `title` of a file's table.
 
-    Of a workbook it is the first sheet that is not empty, or that of a name, without names or labels. Whole
+    Of a workbook it is the first sheet that is not empty, or that of a name, without the last three. Whole
     numbers are texts without a point, dates and times as ISO 8601 writes them; what is missing, also by a
     user's definition, is empty.
 
@@ -95,7 +95,8 @@ def _statistics_file(path: str, kind: str) -> dict[str, Any]:
         for name, meant in told.variable_value_labels.items()
     }
     names = [str(name) for name in columns]
-    return {"kind": kind, "rows": list(enumerate(rows, start=1)), "names": names, "labels": labels}
+    found = {"kind": kind, "rows": list(enumerate(rows, start=1)), "names": names, "labels": labels}
+    return found | {"title": told.file_label or ""}
 
 
 def cell_text(value: Any) -> str:

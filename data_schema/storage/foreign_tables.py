@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import itertools
 import json
 import re
 from collections import Counter
@@ -59,6 +60,8 @@ class ForeignTable:
         What values of a column mean, by column, as statistics programs keep it.
     encodings : tuple of str
         Those of its texts that are not UTF-8.
+    title : str
+        The file's own, as statistics programs keep it; empty without one.
     """
 
     path: Path
@@ -68,6 +71,7 @@ class ForeignTable:
     counted: str = "line"
     labels: dict[str, dict[str, str]] = field(default_factory=dict)
     encodings: tuple[str, ...] = ()
+    title: str = ""
 
     @property
     def may_have_decimal_commas(self) -> bool:
@@ -171,9 +175,13 @@ def _named_table(path: Path, source: _Sheet, given: list[str]) -> ForeignTable:
     """Return a table whose columns are named by the file, its first row, or an option."""
     rows, counted = [(number, cells) for number, cells in source.rows if any(cells)], source.counted
     where, header, first = f"{path}", given or source.names or [], 0
+    titles = 0 if header else sum(1 for _ in itertools.takewhile(_is_title, (cells for _, cells in rows)))
+    titles = titles if titles < len(rows) else 0
     if not header:
-        first, header = rows[0] if rows else (1, [])
-        rows, where = rows[1:], f"{path}, {counted} {first}"
+        first, header = rows[titles] if rows else (1, [])
+        rows, where = rows[titles + 1 :], f"{path}, {counted} {first}"
+        if rows and all(len(cells) == len(header) + 1 for _, cells in rows):
+            header = ["", *header]  # R's names of rows
     header = [name.strip() for name in header]
     twice = next((name for name, times in Counter(header).items() if name and times > 1), None)
     if twice is not None or not any(header):
@@ -192,8 +200,15 @@ def _named_table(path: Path, source: _Sheet, given: list[str]) -> ForeignTable:
     named = ({name: cell for name, cell in zip(header, cells, strict=True) if name} for _, cells in rows)
     placed = tuple((Row(path, number), cells) for (number, _), cells in zip(rows, named, strict=True))
     encodings = () if source.encoding == "utf-8" else (source.encoding,)
-    kind, labels = _kind_of(source.kind, columns), source.labels or {}
-    return ForeignTable(path, kind, columns, placed, counted, labels, encodings)
+    kind = f"{'titled ' * bool(titles)}{_kind_of(source.kind, columns)}"
+    return ForeignTable(
+        path, kind, columns, placed, counted, source.labels or {}, encodings, source.title or ""
+    )
+
+
+def _is_title(cells: list[str]) -> bool:
+    """Return whether a row above the columns' names is a title: one cell of it is filled."""
+    return sum(map(bool, cells)) == 1
 
 
 def _with_participant(table: ForeignTable, pattern: str) -> ForeignTable:
@@ -218,6 +233,7 @@ class _Sheet(NamedTuple):
     rows: list[tuple[int, list[str]]]
     names: list[str] | None = None
     labels: dict[str, dict[str, str]] | None = None
+    title: str | None = None
     counted: str = "row"
     encoding: str = "utf-8"
 
@@ -229,9 +245,9 @@ def _csv_table(path: Path, text: str) -> _Sheet:
         first, text = rest.partition("\n")[0], rest
     reader = csv.reader([first])
     try:
-        delimiter = max(DELIMITERS, key=lambda mark: len(next(csv.reader([first], delimiter=mark), [])))
-        if not any(mark in first for mark in DELIMITERS) and " " in first.strip():
-            delimiter, text = " ", "\n".join(line.rstrip() for line in text.split("\n"))  # MATLAB's and R's
+        delimiter = _delimiter_of([first, *text.split("\n", 5)[1:5]])
+        if delimiter == " ":
+            text = "\n".join(line.rstrip() for line in text.split("\n"))  # MATLAB's and R's
         reader = csv.reader(
             io.StringIO(text, newline=""), delimiter=delimiter, skipinitialspace=delimiter == " "
         )
@@ -240,6 +256,23 @@ def _csv_table(path: Path, text: str) -> _Sheet:
         raise InputError(f"{path}, line {reader.line_num}: not readable as a table ({error})") from None
     kind = {" ": "text with blanks", "\t": "TSV"}.get(delimiter, f"CSV with {DELIMITERS.get(delimiter)}")
     return _Sheet(kind, rows, counted="line")
+
+
+def _delimiter_of(lines: list[str]) -> str:
+    """Return what divides the cells of a text, by its first lines: titles, if any, then names and a row."""
+
+    def cells(line: str, mark: str) -> int:
+        reader = csv.reader([line.strip()], delimiter=mark, skipinitialspace=mark == " ")
+        return len(next(reader, []))
+
+    filled = [line for line in lines if line.strip()] or [""]
+    for names, row in itertools.pairwise(filled):
+        counts = {mark: cells(names, mark) for mark in (*DELIMITERS, " ")}
+        alike = {m: n for m, n in counts.items() if n > 1 and cells(row, m) - n in (0, 1)}
+        marked = {mark: n for mark, n in alike.items() if mark != " "}
+        if alike:
+            return max(marked or alike, key=lambda mark: counts[mark])
+    return max(DELIMITERS, key=lambda mark: cells(filled[0], mark))
 
 
 def _json_table(path: Path, text: str) -> _Sheet:

@@ -8,6 +8,7 @@ from typing import Any
 from xml.sax.saxutils import escape
 
 Table = list[list[Any]]  # the first row has the names
+TITLE = "Pilot, May 2026"
 
 
 def _xlsx(path: Path, table: Table) -> None:
@@ -70,7 +71,8 @@ def _statistics(kind: str) -> Callable[[Path, Table], None]:
         import pyreadstat
 
         frame = pd.DataFrame(table[1:], columns=table[0])
-        (pyreadstat.write_sav if kind == "sav" else pyreadstat.write_dta)(frame, path)
+        write_file = pyreadstat.write_sav if kind == "sav" else pyreadstat.write_dta
+        write_file(frame, path, file_label=TITLE)
 
     return write
 
@@ -104,6 +106,11 @@ FORMATS: dict[str, Callable[[Path, Table], None]] = {
     "E-Prime without mark.txt": _text("\t", "utf-16-le", "\r\n"),
     "UTF-32.csv": _text(",", "utf-32"),
     "table.tsv": _text("\t", "utf-8"),
+    "titled.xlsx": lambda path, table: _xlsx(path, [[TITLE], [], *table]),
+    "titled.csv": lambda path, table: _text(";", "utf-8")(path, [[TITLE], [], *table]),
+    "R.txt": lambda path, table: _text(" ", "utf-8")(
+        path, [table[0], *([f'"{n}"', *row] for n, row in enumerate(table[1:], start=1))]
+    ),
     "MATLAB.txt": _text("   ", "utf-8", "  \r\n"),
     "objects.json": _json(lambda table: [dict(zip(table[0], row, strict=True)) for row in table[1:]]),
     "arrays.json": _json(lambda table: table),

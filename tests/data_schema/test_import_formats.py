@@ -5,7 +5,7 @@ import shutil
 import zipfile
 
 import pytest
-from foreign_files import FORMATS
+from foreign_files import FORMATS, TITLE
 from foreign_tables import refusal
 
 RATED = [
@@ -61,7 +61,7 @@ def imported(tmp_path, command):
 
 @pytest.mark.parametrize("task", TABLES)
 @pytest.mark.parametrize("kind", FORMATS)
-def test_every_format_holds_the_trials_of_every_task(imported, kind, task) -> None:
+def test_every_format_holds_the_trials_of_every_task(imported, tmp_path, kind, task) -> None:
     names, *rows = TABLES[task]
     outcome, trials = imported(kind, TABLES[task], task)
     assert outcome.code == 0, outcome.err
@@ -75,6 +75,9 @@ def test_every_format_holds_the_trials_of_every_task(imported, kind, task) -> No
         assert f"read as {encoding}" in outcome.out
     if kind.endswith(".xlsx"):
         assert "workbook, sheet 'Data'" in outcome.out
+    if kind in ("SPSS.sav", "Stata.dta"):
+        assert f"title: {TITLE}" in outcome.out
+        assert json.loads((tmp_path / "lab/dataset_description.json").read_text())["Name"] == TITLE
 
 
 @pytest.mark.parametrize("kind", ["Excel.xlsx", "German Excel.csv", "E-Prime.txt", "arrays.json"])
