@@ -134,9 +134,9 @@ def analyze(
         version) or `trial_index`, from which it follows; else unknown. Comparisons: `ours_interval` (1 or 2)
         and `response` ("first" or "second"). Searches: `keypoint`, `version`, `found` (or `correct`),
         `search_time_s` (less than the limit where not found: a wrong answer); optional `factor` (brightness
-        factor there), `time_limit_s` (30), `ring_orientation_deg`, `reported_orientation_deg`, `repetition`
-        (else by `trial_index` or row, if most places were searched several times). Other columns of
-        `trials.tsv` may be there.
+        factor there), `time_limit_s` (else the longest time, or 30), `ring_orientation_deg`,
+        `reported_orientation_deg`, `repetition` (else by `trial_index` or row, if most places were searched
+        several times). Other columns of `trials.tsv` may be there.
     task : {"rating", "comparison", "search"} or a registered task, optional
         Else the columns tell.
     simulated : bool
@@ -290,8 +290,15 @@ def _with_repetitions(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     for row in rows:
         if row.get("correct") in (0, 1):
             row.setdefault("found", bool(row["correct"]))
+    timed = [row for row in rows if isinstance(row.get("search_time_s"), Real)]
+    longest = max((row["search_time_s"] for row in timed), default=0.0)
+    # The longest search tells the limit, if some without success have times and none is found after these.
+    told = any(row.get("found") == 0 and row["search_time_s"] == longest for row in timed)
+    limit = longest if told else max(longest, NOT_READ["search"]["time_limit_s"])
+    for row in rows:
+        row.setdefault("time_limit_s", limit)
         if row.get("found") == 0:
-            row.setdefault("search_time_s", row.get("time_limit_s", NOT_READ["search"]["time_limit_s"]))
+            row.setdefault("search_time_s", row["time_limit_s"])
     ordered = rows
     if all(isinstance(row.get("trial_index"), Real) for row in rows):
         ordered = sorted(rows, key=lambda row: row["trial_index"])

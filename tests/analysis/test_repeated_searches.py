@@ -174,6 +174,13 @@ def test_a_table_may_say_correct_in_place_of_found() -> None:
     assert evenlight.analyze(table.assign(correct=table.correct.astype(int))).lead.endswith(words)
 
 
+@pytest.mark.parametrize(("longest", "found", "lost"), [(15.0, False, 1), (40.0, True, 0)])
+def test_without_a_limit_the_longest_search_tells_it(longest: float, found: bool, lost: int) -> None:
+    table = lab_table(3).drop(columns="time_limit_s")
+    table.loc[0, ["search_time_s", "found"]] = longest, found
+    assert evenlight.analyze(table).lead.endswith(f" {lost} of 216 searches found nothing.")
+
+
 def test_pairs_are_of_the_same_repetition() -> None:
     table = repeated(most=12)
     pairs = matched_pairs(table)
