@@ -10,6 +10,11 @@ from evenlight.analysis.calibration.level_estimates import LevelEstimates, estim
 from evenlight.analysis.calibration.limit_models import Answers, LimitModels, fit_models
 from evenlight.analysis.calibration.psychometric.goodness_of_fit import FEW_TRIALS, joint_p_value
 from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
+from evenlight.analysis.calibration.psychometric.serial_dependence import (
+    CLEAR_REPEATS,
+    SerialDependence,
+    serial_dependence,
+)
 from evenlight.analysis.calibration.psychometric.signal_detection import (
     Criterion,
     IntervalBias,
@@ -23,6 +28,7 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_fit import RateLimitFi
 from evenlight.analysis.integrity.concern import LEVEL, Concern, ConcernKind, ordered
 from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.ramp_loading import RampData
+from evenlight.analysis.wording import percent
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
@@ -107,10 +113,13 @@ class Calibration(ThresholdFits):
         The population's curve by each model.
     levels : tuple of LevelEstimates
         The population's threshold at each level, estimated in three ways.
+    serial : SerialDependence or None
+        How answers go with what came before; None where the order of trials is not known, or of few trials.
     """
 
     models: LimitModels
     levels: tuple[LevelEstimates, ...]
+    serial: SerialDependence | None
 
     @property
     def rate_limit(self) -> RateLimitFit:
@@ -178,12 +187,15 @@ def calibrate(
     data, concerns = checked(data)
     trials, procedure = trials_of_one_task(data.trials, options.procedure)
     thresholds = tuple(fit_thresholds_of(trials, report=report))
+    serial, repeats = serial_dependence(trials, thresholds) if data.order_known else (None, None)
+    if repeats:
+        thresholds = tuple(fit_thresholds_of(trials, report=report, repeats=repeats))
     if not data.order_known:
         thresholds = tuple(
             replace(fit, threshold=replace(fit.threshold, drift_ratio=None, drift_p=None))
             for fit in thresholds
         )
-    concerns = ordered((*concerns, *_drifts(_participants(thresholds))))
+    concerns = ordered((*concerns, *_drifts(_participants(thresholds)), *_serial(serial)))
     fits: dict[str, Any] = {
         "data": data,
         "thresholds": thresholds,
@@ -193,15 +205,14 @@ def calibrate(
         "concerns": concerns,
     }
     try:
-        models = fit_models(
-            Answers(trials, [fit.threshold for fit in thresholds], data.display), options, report
-        )
+        own = [fit.threshold for fit in thresholds]
+        models = fit_models(Answers(trials, own, data.display, repeats), options, report)
     except InputError as error:
         wanted = (options.degree, options.direction, options.ramp_duration)
         if any(concern.threatens for concern in concerns) or wanted == (None, None, None):
             raise NoRateLimitError(ThresholdFits(**fits), error) from error
         raise  # another curve was asked for than the answers have
-    return Calibration(**fits, models=models, levels=estimate_levels(thresholds))
+    return Calibration(**fits, models=models, levels=estimate_levels(thresholds), serial=serial)
 
 
 def trials_of_one_task(
@@ -251,6 +262,23 @@ def _drifts(participants: dict[str, ParticipantSummary]) -> tuple[Concern, ...]:
         for who, person in participants.items()
         if person.drift_p is not None and person.drift_p < level
     )
+
+
+def _serial(serial: SerialDependence | None) -> tuple[Concern, ...]:
+    """Return how answers go with the one before, or with the ramp before, beyond chance."""
+    words = []
+    if serial and serial.repeat_p < CLEAR_REPEATS:
+        words.append(
+            f"in {percent(serial.repeat_share, 0)} of the ramps the last answer is given again, whatever is "
+            f"seen (p = {serial.repeat_p:.2g}): the fits leave that out, or the limit would be too high"
+        )
+    if serial and serial.previous_ramp_p < LEVEL:
+        way = "more" if serial.previous_ramp > 0 else "less"
+        words.append(
+            f"after fast ramps changes are reported {way} often than after slow ones "
+            f"(p = {serial.previous_ramp_p:.2g}), which the fits do not take out"
+        )
+    return tuple(Concern(ConcernKind.SERIAL, own) for own in words)
 
 
 def _drift_in_words(who: str, person: ParticipantSummary) -> str:

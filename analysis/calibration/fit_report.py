@@ -138,6 +138,7 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
         "condition_effects": [_effect(effect) for effect in curve.effects],
         "procedure": calibration.procedure.value,
         "participants": {who: mapping_from_record(p) for who, p in calibration.participants.items()},
+        "serial_dependence": mapping_from_record(calibration.serial) if calibration.serial else None,
         "criteria": {who: mapping_from_record(c) for who, c in calibration.criteria.items()},
         "interval_biases": {who: mapping_from_record(b) for who, b in calibration.interval_biases.items()},
         "warnings": [*calibration.warnings, *(roll.warnings if roll else ())],

@@ -315,12 +315,15 @@ class RandomThresholdModel:
     def __init__(self, participants: Sequence[RampCounts], rule: tuple[Array, Array]) -> None:
         self.lapse = lapse_prior(participants[0].guess_rate)
         self.nodes, self.ln_weights = rule
-        sizes = [counts.rates.size for counts in participants]
-        self.x = np.log(np.concatenate([counts.rates for counts in participants]))
-        self.n = np.concatenate([counts.n_trials for counts in participants]).astype(np.float64)
-        self.success = np.concatenate([counts.n_yes for counts in participants]).astype(np.float64)
-        self.guess = np.repeat([_guess_rate(counts) for counts in participants], sizes)
-        self.starts = np.concatenate([[0], np.cumsum(sizes)[:-1]]).astype(np.int64)
+        parts = [(own, *part) for own in participants for part in own.parts(_guess_rate(own), 0.0)]
+        sizes = [own.rates.size for own, *_ in parts]
+        self.x = np.log(np.concatenate([own.rates for own, *_ in parts]))
+        self.success, self.n = (np.concatenate([p[k] for p in parts]).astype(np.float64) for k in (1, 2))
+        self.low, self.missed = (np.repeat([p[k] for p in parts], sizes) for k in (3, 4))
+        self.guess = np.repeat([_guess_rate(own) for own, *_ in parts], sizes)
+        self.kept = np.repeat([1 - (own.repeats.share if own.repeats else 0.0) for own, *_ in parts], sizes)
+        everybody = [own.rates.size * (2 if own.repeats else 1) for own in participants]
+        self.starts = np.concatenate([[0], np.cumsum(everybody)[:-1]]).astype(np.int64)
 
     @property
     def middle(self) -> float:
@@ -352,9 +355,10 @@ class RandomThresholdModel:
         slope = WIDTH_LOGITS / width
         logit = (slope * (self.x - mu) + at_threshold)[:, None] - slope * sd * self.nodes
         odds = np.exp(np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT))
-        g, success, n = self.guess[:, None], self.success[:, None], self.n[:, None]
-        rows = success * np.log(g + (1 - lapse) * odds)
-        rows += (n - success) * np.log((1 - g) + lapse * odds)
+        g, missed = self.low[:, None], (self.missed + self.kept * lapse)[:, None]
+        success, n = self.success[:, None], self.n[:, None]
+        rows = success * np.log(g + (1 - missed) * odds)
+        rows += (n - success) * np.log((1 - g) + missed * odds)
         rows -= n * np.log1p(odds)
         each = np.add.reduceat(rows, self.starts, axis=0) + self.ln_weights
         return float(np.sum(special.logsumexp(each, axis=1)))

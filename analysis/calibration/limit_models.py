@@ -13,7 +13,7 @@ import numpy as np
 
 from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
 from evenlight.analysis.calibration.level_estimates import fit_pooled
-from evenlight.analysis.calibration.psychometric.ramp_counts import joined_luminances
+from evenlight.analysis.calibration.psychometric.ramp_counts import Repeats, joined_luminances
 from evenlight.analysis.calibration.psychometric.thresholds import UNUSABLE
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of, conditions_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import (
@@ -55,6 +55,7 @@ class Answers:
     trials: Sequence[RampTrial]
     thresholds: Sequence[Threshold]
     display: Display
+    repeats: Repeats | None = None  # trials in which the last answer was given again, if clearly
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +126,7 @@ def fit_models(
     for model in (first, *(other for other in RateLimitModel if other is not first)):
         try:
             if model is RateLimitModel.JOINT:
-                joint = fit_joint(answers.trials, _joint_options(answers, options), report)
+                joint = fit_joint(answers.trials, _joint_options(answers, options), report, answers.repeats)
                 fits[model] = _joint_limit(joint, answers, options)
             elif model is RateLimitModel.INDIVIDUAL:
                 fits[model] = fit_thresholds(answers.thresholds, answers.display, options, NAME)

@@ -25,6 +25,7 @@ class ConcernKind(enum.Enum):
     NOTHING_FOUND = "nothing found"
     ONE_ANSWER = "always one answer"
     SWAPPED = "swapped answers"
+    SERIAL = "serial dependence"
     NO_THRESHOLD = "no threshold in the answers"
 
 

@@ -48,7 +48,7 @@ def main(mapped: Mapped = map, **options: Any) -> None:
                 people = dataclasses.replace(people, width_median=asked.width)
             if asked.participant_sd:
                 people = dataclasses.replace(people, participant_sd=asked.participant_sd)
-            study = Study(design, truth, asked.participants, people, asked.scale)
+            study = Study(design, truth, asked.participants, people, asked.scale, asked.repeat_share)
             print(_row(study, asked, mapped), flush=True)
             if asked.individual:
                 _print_individual(study, asked, mapped)
@@ -65,6 +65,7 @@ def _declare(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--participant-sd", type=float, help="of ln(threshold) between people's eyes")
     parser.add_argument("--individual", action="store_true", help="the individual fits' bias too (slow)")
     parser.add_argument("--scale", type=float, default=1.0, help="of all thresholds")
+    parser.add_argument("--repeat-share", type=float, default=0.0, help="of answers that are the last again")
     parser.add_argument("--monotone", action="store_true")
 
 

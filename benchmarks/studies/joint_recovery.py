@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.calibration.joint.joint_fit import JointFit, fit_joint
+from evenlight.analysis.calibration.psychometric.serial_dependence import serial_dependence
 from evenlight.analysis.calibration.psychometric.thresholds import fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.calibration.rate_limit.rate_limit_fit import fit_thresholds
@@ -64,6 +65,9 @@ class Study:
         How many, and how they differ.
     scale : float
         Of all thresholds.
+    repeat_share : float
+        Of the trials in which the last answer is given again, whatever is seen; for constant ramps, which do
+        not depend on answers.
     """
 
     design: str | RampDesign
@@ -71,6 +75,7 @@ class Study:
     participants: int = 10
     population: ObserverPopulation = dataclasses.field(default_factory=ObserverPopulation)
     scale: float = 1.0
+    repeat_share: float = 0.0
 
     @property
     def ramps(self) -> RampDesign:
@@ -90,7 +95,8 @@ class Study:
                 luminance: own * self._over_limit(luminance) for luminance, own in seen.level_factors.items()
             }
             observer = dataclasses.replace(seen, level_factors=factors)
-            trials += answered_session(viewing, (seed, k), f"{k + 1:02d}", observer)
+            given = answered_session(viewing, (seed, k), f"{k + 1:02d}", observer)
+            trials += repeated_answers(given, self.repeat_share, np.random.default_rng([seed, k, 7]))
             for level in ramp_levels(self.ramps, load_display(DISPLAY)):
                 at, function = level.luminance, observer.function_at(level.luminance, self.ramps.procedure)
                 own.setdefault(at, []).append(float(np.log(function.threshold)))
@@ -108,6 +114,17 @@ class Study:
         else:
             own = mean_caution(self.population)
         return np.asarray(self.scale * own * TRUTHS[self.truth](luminance))
+
+
+def repeated_answers(
+    trials: Iterable[RampTrial], share: float, rng: np.random.Generator
+) -> Iterator[RampTrial]:
+    """Yield a session's trials, in some of which the last answer is given again."""
+    last = None
+    for trial in trials:
+        again = rng.random() < share and last is not None
+        last = last if again else trial.response
+        yield dataclasses.replace(trial, response=last)
 
 
 def _weber() -> RateLimit:
@@ -171,7 +188,10 @@ def recovered_sets(
 def recovered(study: Study, seed: int, options: RateLimitOptions | None = None) -> Recovered:
     """Return what is found of a data set."""
     trials, people = study.answers(seed)
-    return compared(fit_joint(trials, options), study, people)
+    repeats = None
+    if study.repeat_share:
+        repeats = serial_dependence(trials, fit_thresholds_of(trials, judge=False))[1]
+    return compared(fit_joint(trials, options, repeats=repeats), study, people)
 
 
 def compared(fit: JointFit, study: Study, people: dict[float, list[float]]) -> Recovered:

@@ -32,7 +32,7 @@ from evenlight.analysis.calibration.joint.population_curve import (
     population_curve,
     smooth_basis,
 )
-from evenlight.analysis.calibration.psychometric.ramp_counts import catch_counts
+from evenlight.analysis.calibration.psychometric.ramp_counts import Repeats, catch_counts
 from evenlight.analysis.calibration.psychometric.thresholds import MAX_FALSE_ALARM_RATE
 from evenlight.analysis.calibration.rate_limit.conditions import (
     Condition,
@@ -91,6 +91,7 @@ def fit_joint(
     trials: Sequence[RampTrial],
     options: RateLimitOptions | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
+    repeats: Repeats | None = None,
 ) -> JointFit:
     """Fit the joint model to the answers of all participants in one task.
 
@@ -102,6 +103,8 @@ def fit_joint(
         Shape, band, condition.
     report : callable, optional
         Called with the stages done and their number.
+    repeats : Repeats, optional
+        That the last answer is given again in some of the trials.
 
     Raises
     ------
@@ -110,7 +113,7 @@ def fit_joint(
     """
     options = options or RateLimitOptions()
     counted, left_out = _without_false_alarmers(trials)
-    tables = answer_tables(counted)
+    tables = answer_tables(counted, repeats)
     _require_threshold(tables, counted)
     report(1, STAGES)
     population, reference, others = _population(tables, options)

@@ -28,6 +28,7 @@ from evenlight.analysis.calibration.psychometric.psychometric_fit import (
 from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampCounts,
     RampLevelKey,
+    Repeats,
     counts_by_participant_and_level,
     joined_levels,
     level_order,
@@ -83,7 +84,7 @@ class AnswerTables:
         )
 
 
-def answer_tables(trials: Sequence[RampTrial]) -> AnswerTables:
+def answer_tables(trials: Sequence[RampTrial], repeats: Repeats | None = None) -> AnswerTables:
     """Return the tables of some trials, all of one task.
 
     Rates are taken relative to the luminance that they were shown at, and calibrations of one level are
@@ -93,8 +94,10 @@ def answer_tables(trials: Sequence[RampTrial]) -> AnswerTables:
     ----------
     trials : sequence of RampTrial
         Ramps and catch trials; of yes/no, the catch trials tell each participant's guess rate.
+    repeats : Repeats, optional
+        That the last answer is given again in some of the trials.
     """
-    counts = counts_by_participant_and_level(trials)
+    counts = counts_by_participant_and_level(trials, repeats)
     participants = tuple(dict.fromkeys(who for who, _ in counts))
     joined = joined_levels(level for _, level in counts)
     levels = tuple(sorted(set(joined.values()), key=level_order))

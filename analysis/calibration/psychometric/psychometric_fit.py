@@ -18,7 +18,7 @@ import numpy as np
 from scipy import interpolate, special
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers
 from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
 
 # What is known of a psychometric function before the first answer (docs/decisions/threshold-definition.md)
@@ -181,10 +181,18 @@ def _share_of(counts: RampCounts, share: float) -> RampCounts:
     """Return counts of which each is a share of what it was: answers that say the same, but less surely."""
     if share == 1.0:
         return counts
+
+    def fewer(n: Integers) -> Integers:
+        return np.round(n * share).astype(np.int64)
+
+    again = counts.repeats
+    if again is not None:
+        again = replace(again, n_yes=fewer(again.n_yes), n_trials=fewer(again.n_trials))
     return replace(
         counts,
-        n_yes=np.round(counts.n_yes * share).astype(np.int64),
-        n_trials=np.round(counts.n_trials * share).astype(np.int64),
+        repeats=again,
+        n_yes=fewer(counts.n_yes),
+        n_trials=fewer(counts.n_trials),
         catch_yes=int(counts.catch_yes * share),
         catch_trials=int(counts.catch_trials * share),
     )
@@ -268,12 +276,14 @@ def ln_likelihood(
     total : array
         What it is added to, in place.
     """
-    for s, n_yes, n_trials in zip(odds, counts.n_yes, counts.n_trials, strict=True):
+    parts = counts.parts(guess, lapse)
+    for k, s in enumerate(odds):
         share = 1.0 / (1.0 + s)
-        if n_yes:
-            total += n_yes * np.log((guess + (1 - lapse) * s) * share)
-        if n_trials - n_yes:
-            total += (n_trials - n_yes) * np.log(((1 - guess) + lapse * s) * share)
+        for n_yes, n_trials, low, missed in parts:
+            if n_yes[k]:
+                total += n_yes[k] * np.log((low + (1 - missed) * s) * share)
+            if n_trials[k] - n_yes[k]:
+                total += (n_trials[k] - n_yes[k]) * np.log(((1 - low) + missed * s) * share)
     return total
 
 

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
-from evenlight.data_schema.arrays import Array, Integers
+from evenlight.data_schema.arrays import Array, Integers, Mask
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold
 
 TWO_INTERVAL_GUESS_RATE = 0.5  # right by chance
 T = TypeVar("T")
+Rate = TypeVar("Rate", float, Array)
 SAME_LEVEL = 1.05  # a ratio of luminances that moves no threshold by more than its own error (choice)
 
 
@@ -29,6 +30,32 @@ class RampLevelKey:
     procedure: Procedure = Procedure.YES_NO
 
 
+TrialKey = tuple[str, str, int]  # participant, session, trial
+
+
+@dataclass(frozen=True, slots=True)
+class Repeats:
+    """That the last answer is given again, whatever is seen, in a share of the trials."""
+
+    share: float
+    last: Mapping[TrialKey, Response]  # the answer before each trial; none before a session's first
+
+    def succeed(self, trials: Iterable[RampTrial]) -> Mask:
+        """Return in which trials the last answer again would be a success: "yes", or the right interval."""
+        last = ((trial, self.last.get(key_of_trial(trial))) for trial in trials)
+        found = [answer is not None and replace(trial, response=answer).success for trial, answer in last]
+        return np.array(found, dtype=np.bool_)
+
+
+@dataclass(frozen=True, slots=True)
+class RepeatCounts:
+    """Of the answers at a level, those in trials in which the last answer again would be a success."""
+
+    share: float  # of the trials in which it is given again
+    n_yes: Integers
+    n_trials: Integers
+
+
 @dataclass(frozen=True, slots=True)
 class RampCounts:
     """Answers of one participant at one luminance level."""
@@ -40,11 +67,30 @@ class RampCounts:
     catch_trials: int = 0
     # Where the task fixes it, as the choice between two intervals does at 0.5; None: to be found out.
     guess_rate: float | None = None
+    repeats: RepeatCounts | None = None
+
+    def parts(self, guess: Rate, lapse: Rate) -> list[tuple[Integers, Integers, Rate, Rate]]:
+        """Return successes and trials with their guess and lapse rate; two parts if answers are repeated.
+
+        With probability ρ the last answer is given again: P(success) = (1 - ρ) ψ, or (1 - ρ) ψ + ρ.
+        """
+        if self.repeats is None:
+            return [(self.n_yes, self.n_trials, guess, lapse)]
+        kept, again = 1 - self.repeats.share, self.repeats
+        return [
+            (self.n_yes - again.n_yes, self.n_trials - again.n_trials, kept * guess, 1 - kept * (1 - lapse)),
+            (again.n_yes, again.n_trials, 1 - kept * (1 - guess), kept * lapse),
+        ]
 
     @property
     def false_alarm_rate(self) -> float | None:
         """Share of "yes" in catch trials; None without any."""
         return self.catch_yes / self.catch_trials if self.catch_trials else None
+
+
+def key_of_trial(trial: RampTrial) -> TrialKey:
+    """Return what tells a trial from all others."""
+    return trial.participant_id, trial.session_id, trial.trial_index
 
 
 def level_of_trial(trial: RampTrial) -> RampLevelKey:
@@ -137,14 +183,21 @@ def catch_counts(trials: Iterable[RampTrial]) -> dict[str, tuple[int, int]]:
 def pooled_counts(participants: Sequence[RampCounts]) -> RampCounts:
     """Return all participants' answers pooled, catch trials left out."""
     rates, index = np.unique(np.concatenate([c.rates for c in participants]), return_inverse=True)
-    n_yes, n_trials = np.zeros((2, rates.size), dtype=np.int64)
-    np.add.at(n_yes, index, np.concatenate([c.n_yes for c in participants]))
-    np.add.at(n_trials, index, np.concatenate([c.n_trials for c in participants]))
-    return RampCounts(rates, n_yes, n_trials, guess_rate=participants[0].guess_rate)
+
+    def summed(counts: Sequence[RampCounts | RepeatCounts]) -> tuple[Integers, Integers]:
+        n_yes, n_trials = np.zeros((2, rates.size), dtype=np.int64)
+        np.add.at(n_yes, index, np.concatenate([c.n_yes for c in counts]))
+        np.add.at(n_trials, index, np.concatenate([c.n_trials for c in counts]))
+        return n_yes, n_trials
+
+    again = [c.repeats for c in participants if c.repeats]
+    repeats = RepeatCounts(again[0].share, *summed(again)) if again else None
+    guess_rate = participants[0].guess_rate
+    return RampCounts(rates, *summed(participants), guess_rate=guess_rate, repeats=repeats)
 
 
 def counts_by_participant_and_level(
-    trials: Iterable[RampTrial],
+    trials: Iterable[RampTrial], repeats: Repeats | None = None
 ) -> dict[tuple[str, RampLevelKey], RampCounts]:
     """Return the answers to ramps by participant and level; in yes/no with all their catch trials."""
     trials = tuple(trials)
@@ -152,22 +205,35 @@ def counts_by_participant_and_level(
     groups = group_by_participant_and_level(trial for trial in trials if not trial.is_catch)
     return {
         (who, level): ramp_counts(
-            group, *(catches.get(who, (0, 0)) if level.procedure is Procedure.YES_NO else (0, 0))
+            group,
+            *(catches.get(who, (0, 0)) if level.procedure is Procedure.YES_NO else (0, 0)),
+            repeats=repeats,
         )
         for (who, level), group in groups.items()
     }
 
 
-def ramp_counts(ramps: Sequence[RampTrial], catch_yes: int = 0, catch_trials: int = 0) -> RampCounts:
+def ramp_counts(
+    ramps: Sequence[RampTrial], catch_yes: int = 0, catch_trials: int = 0, repeats: Repeats | None = None
+) -> RampCounts:
     """Return the answers to ramps of one level, counted by rate."""
     rates, index = np.unique([trial.rate for trial in ramps], return_inverse=True)
     success = np.array([trial.success for trial in ramps])
+
+    def counted(weights: Mask | None = None) -> Integers:
+        return np.bincount(index, weights, minlength=rates.size).astype(np.int64)
+
+    again = None
+    if repeats is not None:
+        own = repeats.succeed(ramps)
+        again = RepeatCounts(repeats.share, counted(own & success), counted(own))
     two = bool(ramps) and ramps[0].procedure is Procedure.TWO_INTERVAL
     return RampCounts(
         rates=rates,
-        n_yes=np.bincount(index, success, minlength=rates.size).astype(np.int64),
-        n_trials=np.bincount(index, minlength=rates.size).astype(np.int64),
+        n_yes=counted(success),
+        n_trials=counted(),
         catch_yes=catch_yes,
         catch_trials=catch_trials,
         guess_rate=TWO_INTERVAL_GUESS_RATE if two else None,
+        repeats=again,
     )

@@ -28,9 +28,12 @@ from evenlight.analysis.calibration.psychometric.psychometric_fit import (
 from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampCounts,
     RampLevelKey,
+    Repeats,
+    TrialKey,
     catch_counts,
     counts_by_participant_and_level,
     group_by_participant_and_level,
+    key_of_trial,
     level_of_threshold,
 )
 from evenlight.analysis.calibration.psychometric.signal_detection import (
@@ -70,6 +73,7 @@ def fit_thresholds_of(
     report: Callable[[int, int], None] = lambda done, total: None,
     judge: bool = True,
     fine: tuple[int, int, int, int] = FINE_NODES,
+    repeats: Repeats | None = None,
 ) -> list[ThresholdFit]:
     """Fit a threshold for every participant and level of some trials.
 
@@ -86,11 +90,13 @@ def fit_thresholds_of(
         Whether to judge each fit by Monte Carlo, which takes about as long as the fit itself.
     fine : tuple of int
         Nodes of the grid that integrates a posterior.
+    repeats : Repeats, optional
+        That the last answer is given again in some of the trials, which the fits leave out.
     """
     groups = group_by_participant_and_level(trials)
     everything = [trial for group in groups.values() for trial in group]
     catches = catch_counts(everything)
-    counted = counts_by_participant_and_level(everything)
+    counted = counts_by_participant_and_level(everything, repeats)
     ramps = {key: [trial for trial in groups[key] if not trial.is_catch] for key in counted}
     found = {}
     for done, (key, counts) in enumerate(counted.items(), start=1):
@@ -121,7 +127,6 @@ def _bias(
     return criterion.d_prime_at_threshold, criterion.criterion
 
 
-TrialKey = tuple[str, str, int]
 TimedAnswers = tuple[PsychometricFunction, Array, Array, Array]  # as `drift_of` takes them
 
 
@@ -132,14 +137,10 @@ def _trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
     """
     keys: dict[str, set[TrialKey]] = {}
     for trial in trials:
-        keys.setdefault(trial.participant_id, set()).add(_key(trial))
+        keys.setdefault(trial.participant_id, set()).add(key_of_trial(trial))
     return {
         key: place / max(len(own) - 1, 1) for own in keys.values() for place, key in enumerate(sorted(own))
     }
-
-
-def _key(trial: RampTrial) -> TrialKey:
-    return trial.participant_id, trial.session_id, trial.trial_index
 
 
 def _timed(
@@ -147,7 +148,7 @@ def _timed(
 ) -> TimedAnswers:
     rates = np.array([trial.rate for trial in ramps])
     success = np.array([float(trial.success) for trial in ramps])
-    return function, rates, success, np.array([times[_key(trial)] for trial in ramps])
+    return function, rates, success, np.array([times[key_of_trial(trial)] for trial in ramps])
 
 
 def flag_of(counts: RampCounts, threshold: float, fit_p: float | None = None) -> ThresholdFlag:
