@@ -26,6 +26,7 @@ from evenlight.data_schema.recordings.viewing import Version
 
 SHORTEST_TIME = 0.1  # [s] nobody finds anything faster; 0 s has no logarithm
 ROUNDING = 1e-6  # [s] what floating point leaves of a time rounded to 0.01 s, so that two agree by chance
+FEW_TIMES = 4  # answers to an item; of more, some take the same time in ms by chance
 FEW_CELLS = 3  # of a participant, below which everybody's say how often an item was answered
 CELL = ("participant", "item", "ours", "repetition")
 MOMENT = ["participant", "item", "ours", "given", "time", "onset"]  # what two answers share by no chance
@@ -85,12 +86,15 @@ def _without(trials: Iterable[Any], gone: set[int]) -> tuple[Any, ...]:
 def _repeats(table: pd.DataFrame, designed: dict[str, float]) -> pd.Index[int]:
     """Return the rows that come again: copies, and more of a cell than a session or a participant has.
 
-    Copies share the time of the answer, unless it is rounded; of ramps, which come often and are answered
-    fast, the onset too.
+    Copies share the time of the answer, unless it is rounded; of what comes often, as ramps do, the onset
+    too.
     """
     ramp = table.rate.notna()
     fine = bool(((table.time - table.time.round(2)).abs() > ROUNDING).any())
-    measured = table[table.time.notna() & ~table.simulated & table.onset.notna().where(ramp, fine)]
+    often = ramp | (
+        table.groupby(["participant", "item", "ours"], dropna=False).time.transform("size") > FEW_TIMES
+    )
+    measured = table[table.time.notna() & ~table.simulated & table.onset.notna().where(often, fine)]
     gone = table.index.isin(measured.index[measured.duplicated(MOMENT)])
     # How often each participant mostly answered a cell: once, or once in each of several sittings. A second
     # sitting is none of repeats then, and a session that was broken off and begun anew is one.
@@ -131,6 +135,9 @@ def _trial_table(data: TaskData[Any]) -> pd.DataFrame:
         )
         known = (table.ours == 1) & baseline.notna() & (ours != baseline)
         table["second"] = (ours > baseline).astype(float).where(known)
+    # Of many repetitions in a random order one version may lead for long: only the first counts.
+    pairs = table[table.second.notna() & table.ours.notna()]
+    table.loc[pairs.index[pairs.duplicated(["session", "item"])], "second"] = math.nan
     return table
 
 

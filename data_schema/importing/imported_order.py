@@ -19,6 +19,7 @@ from evenlight.data_schema.storage.foreign_tables import ForeignTable, Row
 Given = TypeVar("Given")
 Made = TypeVar("Made")
 MOST_LEFT_OUT, SHARE_LEFT_OUT = 3, 0.05  # impossible rows; more say that a column is misunderstood (choice)
+FEW_REPETITIONS = 4  # of an item; of more, some have the same answer and time in ms by chance
 COPIED_ROWS = 10  # rows in the same order that agree in every cell by no chance (choice)
 _DATE = re.compile(r"(\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4})([T ][\d:.]+)?")
 ONLY_SESSION = "01"  # of rows that name none
@@ -165,10 +166,10 @@ def _repetitions(own: Rows, item: tuple[str, ...]) -> Iterator[str]:
             "; if it is a repetition, name the column that counts them (--column repetition=THEIRS) or "
             "the order of trials (--column trial_index=THEIRS), else take it out",
         )
-    elif not timed:
-        _refuse_copied_answers(own, item)
     rows = [values for _, values in own.in_order()]
     items = [tuple(values.get(name) for name in item) for values in rows]
+    if not timed and len(items) <= FEW_REPETITIONS * len(set(items)):
+        _refuse_copied_answers(own, item)
     numbers = repetitions(items)
     if max(numbers) > 1:
         yield f"repetition: by {'trial_index' if numbered else 'the order of rows'}"

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -153,6 +155,31 @@ def test_a_copied_comparison_with_a_repetition_of_its_own_is_found_by_its_respon
 def test_equal_times_of_repetitions_that_are_rounded_to_hundredths_are_no_copies() -> None:
     answers = made.comparisons(np.random.default_rng(2), repetitions=3)
     trials = [dataclasses.replace(t, simulated=False, onset=None, response_time=1.25) for t in answers]
+    assert not concerns("comparison", trials)
+
+
+def test_many_repetitions_in_a_random_order_are_in_no_order() -> None:
+    """In a random order of 20 searches of either version, the first ones' order persists."""
+    for seed in range(6):
+        rng = np.random.default_rng(seed)
+        trials = []
+        for who in range(8):
+            cells, seen = [(spot, version) for spot in range(6) for version in Version] * 20, Counter()
+            for index, k in enumerate(rng.permutation(len(cells)).tolist()):
+                seen[cells[k]] += 1
+                own = made.search(who, *cells[k], math.exp(rng.normal(1, 0.3)), (0, index))
+                trials.append(dataclasses.replace(own, repetition=seen[cells[k]]))
+        kinds = {concern.kind for concern in concerns("search", trials)}
+        assert ConcernKind.VERSION_ORDER not in kinds
+
+
+def test_equal_times_of_many_repetitions_are_no_copies() -> None:
+    """Of 30 answers to a sequence within 0.2 s, in ms, two take the same time in nine of ten."""
+    rng = np.random.default_rng(2)
+    trials = [
+        dataclasses.replace(t, onset=None, response_time=round(0.5 + 0.2 * rng.random(), 3))
+        for t in made.comparisons(rng, repetitions=30)
+    ]
     assert not concerns("comparison", trials)
 
 

@@ -152,6 +152,12 @@ def test_a_row_copied_under_a_new_index_is_refused_with_both_lines(rated, tmp_pa
     assert not (tmp_path / "lab").exists()
 
 
+def test_equal_times_of_many_repetitions_are_no_copies(rated, tmp_path) -> None:
+    rows = [f"a,{k + 1},gym,{('ours', 'baseline')[k % 2]},4,{2 + k % 7 / 1000}\n" for k in range(40)]
+    assert rated(HEADER + "".join(rows)).code == 0
+    assert max(trial["repetition"] for trial in trials(tmp_path)) == 20
+
+
 def test_a_further_answer_is_numbered_only_where_most_was_answered_several_times(rated, tmp_path) -> None:
     assert rated(HEADER + ROWS + "a,5,gym,ours,3,9.5\n").code == 0
     assert [trial["repetition"] for trial in trials(tmp_path)] == [1, 1, 1, 1, 1]

@@ -240,8 +240,8 @@ def _notes(fit: JointFit, options: RateLimitOptions, spare: int) -> tuple[str, .
     alike = [person.participant_id for person in fit.participants if person.all_alike]
     if alike:
         notes.append(
-            f"All answers of {', '.join(alike)} are alike: they bound the threshold from one side, and count "
-            "as far as that goes."
+            f"The answers of {', '.join(alike)} are all alike, or no better than guesses: they bound the "
+            "threshold from one side, and count as far as that goes."
         )
     if len(fit.participants) == 1:
         notes.append(

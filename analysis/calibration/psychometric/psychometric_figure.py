@@ -161,7 +161,7 @@ def _draw_level(
     title = f"{level.screen}, factor {level.factor:g}, {level.direction.value}, {level.ramp_duration:g} s"
     panel, strip = above_and_below
     plot = Plot(panel, title, origin, UNITS)
-    _draw_functions(panel, fits, scale)
+    _draw_functions(panel, fits, scale, with_mean=mean is not None)
     _draw_answers(plot, fits, scale)
     _draw_thresholds(strip, plot, fits, scale)
     for axes in above_and_below:
@@ -176,7 +176,7 @@ def _draw_level(
     return plot.points
 
 
-def _draw_functions(axes: Axes, fits: Sequence[ThresholdFit], scale: _Scale) -> None:
+def _draw_functions(axes: Axes, fits: Sequence[ThresholdFit], scale: _Scale, *, with_mean: bool) -> None:
     """Draw each participant's function thinly, and their mean."""
     relative = np.geomspace(scale.low / 1.2, scale.high * 1.2, 121)
     curves = [yes_probability(relative * fit.threshold.luminance / 100, fit.fit.function) for fit in fits]
@@ -184,7 +184,7 @@ def _draw_functions(axes: Axes, fits: Sequence[ThresholdFit], scale: _Scale) -> 
     thin: dict[str, Any] = {"linewidth": size / 11, "alpha": float(np.clip(4 / len(fits), 0.15, 0.8))}
     for curve in curves:
         axes.plot(relative, curve, color=style.PARTICIPANT, label="a participant", zorder=2, **thin)
-    if len(curves) > 1:
+    if len(curves) > 1 and with_mean:
         axes.plot(relative, np.mean(curves, axis=0), color=style.LIMIT, label="mean, threshold", zorder=3)
     axes.axhline(
         THRESHOLD_PROBABILITY, color=style.MUTED, linewidth=size / 16, linestyle=(0, (4, 3)), zorder=1
