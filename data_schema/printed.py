@@ -30,13 +30,13 @@ def in_one_line(text: str) -> str:
     return printable(" ".join(text.splitlines()))
 
 
-def first_few(names: Sequence[str], most: int = 8) -> str:
-    """Return names with commas between them, the first few of many.
+def first_few(names: Sequence[str], most: int = 8, between: str = ", ") -> str:
+    """Return names with commas, or other marks, between them, the first few of many.
 
     >>> first_few(["01", "02", "03", "04"], most=2)
     '01, 02 and 2 others'
     """
-    shown = ", ".join(names[:most])
+    shown = between.join(names[:most])
     return f"{shown} and {len(names) - most} others" if len(names) > most else shown
 
 

@@ -21,7 +21,7 @@ from evenlight.analysis.session_loading import task_data_of
 from evenlight.data_schema.arguments import choice, flag, must_be_one_of, number, text, whole
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError, InputError
-from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping
+from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping, type_hints
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, scale_of
@@ -218,6 +218,8 @@ def _record(
     filled = {"session_id": "01", "trial_index": number, **unknown, **defaults}
     values = {key: value for key, value in filled.items() if key in required}
     values |= {key: value for key, value in row.items() if key in known}
+    truths = {key for key in values if type_hints(cls)[known[key]] is bool and values[key] in (0, 1)}
+    values |= {key: values[key] == 1 for key in truths}
     values |= {"simulated": simulated}
     values |= {key: _identifier(values[key]) for key in IDENTIFIERS if key in values}
     missing = sorted(set(required) - set(values))
@@ -288,8 +290,8 @@ def _with_repetitions(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """Return searches with what follows: `found` from `correct`, the limit as a time, the repetition."""
     rows = [dict(row) for row in rows]
     for row in rows:
-        if row.get("correct") in (0, 1):
-            row.setdefault("found", bool(row["correct"]))
+        if "correct" in row:
+            row.setdefault("found", row["correct"])
     timed = [row for row in rows if isinstance(row.get("search_time_s"), Real)]
     longest = max((row["search_time_s"] for row in timed), default=0.0)
     # The longest search tells the limit, if some without success have times and none is found after these.

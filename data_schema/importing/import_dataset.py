@@ -26,6 +26,7 @@ from evenlight.data_schema.recordings.rating_scale import RatingScale, scale_of
 from evenlight.data_schema.recordings.roll_call import SessionUse, call_roll
 from evenlight.data_schema.recordings.session import ImportSource, SessionManifest, SessionStatus
 from evenlight.data_schema.storage.foreign_tables import ForeignTable, read_foreign_tables
+from evenlight.data_schema.storage.tables import as_number
 
 Session = tuple[str, str]
 
@@ -140,7 +141,7 @@ def _write(
 
 def _simulated(table: ForeignTable, taken: ImportRequest) -> bool:
     column = next((name for name in table.columns if name.lower() == "simulated"), "")
-    said = [(line, table.cell(cells, column).lower()) for line, cells in wanted_rows(table, taken)]
+    said = [(line, as_number(table.cell(cells, column)).lower()) for line, cells in wanted_rows(table, taken)]
     others = [line for line, text in said if text and not TRUTHS.get(text)]
     simulated = any(TRUTHS.get(text) for _, text in said)
     if simulated and others:

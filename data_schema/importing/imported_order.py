@@ -20,7 +20,7 @@ Given = TypeVar("Given")
 Made = TypeVar("Made")
 MOST_LEFT_OUT, SHARE_LEFT_OUT = 3, 0.05  # impossible rows; more say that a column is misunderstood (choice)
 FEW_REPETITIONS = 4  # of an item; of more, some have the same answer and time in ms by chance
-COPIED_ROWS = 10  # rows in the same order that agree in every cell by no chance (choice)
+COPIED_ROWS = 10  # timed rows in the same order that agree in every cell by no chance (choice)
 _DATE = re.compile(r"(\d{4}[-./]\d{1,2}[-./]\d{1,2}|\d{1,2}[-./]\d{1,2}[-./]\d{4})([T ][\d:.]+)?")
 ONLY_SESSION = "01"  # of rows that name none
 SESSION = ("participant_id", "session_id")
@@ -31,8 +31,9 @@ ITEMS = {
     "search": ("participant_id", "sequence", "keypoint", "version"),
     "ramp": (*SESSION, "screen", "direction", "initial_luminance", "rate", "duration"),
 }
-ANSWERS = ("rating", "response", "chosen", "response_time")  # the time last
+ANSWER = ("rating", "response", "chosen", "response_time")  # the time last
 TIMED = ("search", "ramp")  # whose rows are copies only where ten on end are
+TIMES = ("response_time", "onset", "search_time")
 
 
 @dataclass(slots=True)
@@ -43,6 +44,7 @@ class Rows:
     taken: ImportRequest
     rows: list[tuple[Row, dict[str, Any]]] = field(default_factory=list)
     impossible: dict[Row, str] = field(default_factory=dict)
+    lost: int = 0  # trials that are impossible, of those that the rows stand for
 
     def sound(
         self, rows: list[tuple[Row, Given]], make: Callable[[Row, Given], Made]
@@ -54,11 +56,12 @@ class Rows:
                 made.append((line, make(line, values)))
             except InputError as error:
                 problems.setdefault(line, str(error))
-        self.impossible |= problems
-        failed, number = len(rows) - len(made), len(problems) - 1
-        if failed > max(MOST_LEFT_OUT, SHARE_LEFT_OUT * len(rows)) or 0 < len(rows) <= 2 * failed:
+        for_all = len(rows) + self.lost
+        self.impossible, self.lost = problems | self.impossible, for_all - len(made)
+        number = len(self.impossible) - 1
+        if self.lost > max(MOST_LEFT_OUT, SHARE_LEFT_OUT * for_all) or 0 < for_all <= 2 * self.lost:
             others = f" (and {number} other row{'s' * (number > 1)})" if number else ""
-            raise InputError(next(iter(problems.values())) + others)
+            raise InputError(self.impossible[min(self.impossible)] + others)
         return made
 
     def in_order(self) -> list[tuple[Row, dict[str, Any]]]:
@@ -183,7 +186,7 @@ def _repetitions(own: Rows, item: tuple[str, ...]) -> Iterator[str]:
 
 def _refuse_copied_answers(own: Rows, item: tuple[str, ...]) -> None:
     """Refuse a further answer that is an earlier one, in the measured time too."""
-    names = (*(name for name in item if name != "session_id"), *ANSWERS)
+    names = (*(name for name in item if name != "session_id"), *ANSWER)
     for key, (first, *others) in own.groups(*names).items():
         if others and key[-1] is not None:
             line = others[0][0]
@@ -195,10 +198,13 @@ def _refuse_copied_answers(own: Rows, item: tuple[str, ...]) -> None:
 
 
 def _refuse_copied_rows(own: Rows) -> None:
-    """Refuse many rows on end that a participant has before, in all cells but the index."""
+    """Refuse many rows with measured times that a participant has before on end, in all cells but the index.
+
+    Without times they agree by chance: levels and answers of limits, or of any fixed order, do.
+    """
     cells, index = dict(own.table.rows), own.taken.columns.get("trial_index")
     for rows in own.groups("participant_id").values():
-        lines = [line for line, _ in rows]
+        lines = [line for line, values in rows if any(values.get(name) is not None for name in TIMES)]
         kinds = [tuple(text for name, text in cells[line].items() if name != index) for line in lines]
         first: dict[tuple[Any, ...], int] = {}
         for end in range(COPIED_ROWS, len(lines) + 1):

@@ -21,8 +21,9 @@ from evenlight.data_schema.importing.source_cells import CellReader, Cells, miss
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.printed import first_few
 from evenlight.data_schema.quantities import file_key
-from evenlight.data_schema.recordings.rating_scale import RatingScale, scale_of
+from evenlight.data_schema.recordings.rating_scale import RatingScale, scale_for
 from evenlight.data_schema.storage.foreign_tables import ForeignTable, Row
+from evenlight.data_schema.storage.tables import as_number
 
 # A row in which all of these are empty is no trial.
 ANSWERS = {
@@ -36,6 +37,7 @@ NEEDED = {
     "comparison": (("response", "chosen"),),
     "ramp": (("initial_luminance", "factor"), ("rate", "final_luminance")),
 }
+NEXT_LINE = "\n  "
 FOLLOWS = {"ramp": ("screen", "factor", "initial_luminance", "final_luminance", "rate", "is_catch")}
 
 
@@ -96,17 +98,24 @@ def imported_trials(
         answer = f"row{'s' * (len(unanswered) > 1)} without {'a rating' if task == 'rating' else 'an answer'}"
         told.append(f"skipped {len(unanswered)} {answer} ({places})")
     if own.impossible:
-        told.append(
-            f"left out {len(own.impossible)} of {len(table.rows)} rows, as their values are impossible:"
-        )
-        told += [f"  {why.removeprefix(f'{table.path}, ')}" for _, why in sorted(own.impossible.items())]
+        whys = [why.removeprefix(f"{table.path}, ") for _, why in sorted(own.impossible.items())]
+        told.append(f"left out {len(whys)} of {len(table.rows)} rows, as their values are impossible:")
+        told.append(f"  {first_few(whys, between=NEXT_LINE)}")
+    left, who = {each.participant_id for _, each in trials}, "participant_id"
+    people = dict.fromkeys(reader.value(who, each, line) for line, each in answered)
+    lost = [each for each in people if each and ids.get(each, each) not in left]
+    told += [f"{first_few(lost)} ha{'s' if len(lost) == 1 else 've'} no trial left"] if lost else []
     return trials, told, ids
 
 
 def wanted_rows(table: ForeignTable, taken: ImportRequest) -> list[tuple[Row, dict[str, str]]]:
     """Return the rows that `only` asks for; all where it asks for none."""
-    only = taken.only.items()
-    return [row for row in table.rows if all(table.cell(row[1], theirs) in known for theirs, known in only)]
+    asked = [(theirs, set(map(as_number, known))) for theirs, known in taken.only.items()]
+    return [
+        row
+        for row in table.rows
+        if all(as_number(table.cell(row[1], name)) in known for name, known in asked)
+    ]
 
 
 def _has_answer(reader: CellReader, task: str, line: Row, cells: Cells) -> bool:
@@ -122,7 +131,7 @@ def _require_occurring(table: ForeignTable, taken: ImportRequest, cells: list[tu
         there = [own[name] for _, own in cells if name in own and own[name][0]]
         texts = dict.fromkeys(text for text, _ in there)
         labels = {table.labels.get(column, {}).get(text) for text, column in there}
-        if not meanings.keys() & {*texts, *labels}:
+        if not set(map(as_number, meanings)) & {*map(as_number, texts), *labels}:
             unused = next(iter(meanings))
             raise InputError(
                 f"{table.path}: {unused!r} of --value {name}:{meanings[unused]}={unused} is nowhere; "
@@ -150,11 +159,10 @@ def _completed(own: Rows) -> list[str]:
     if taken.counted:
         number, answer, yes, no = COUNTS[taken.task]
         told = [f"{answer}: {yes} in {number} of n_trials trials, {no} in the others"]
-    if taken.task == "rating" and taken.scale:
-        column, ratings = taken.columns.get("rating", "rating"), [values["rating"] for _, values in own.rows]
-        ends, _ = scale_of([], taken.scale)
-        within = [each for each in ratings if ":" not in taken.scale and ends.lowest <= each <= ends.highest]
-        scale, _ = scale_of([("", each) for each in within], taken.scale)
+    if taken.task == "rating":
+        column = taken.columns.get("rating", "rating")
+        given = [(place(row, column), values["rating"]) for row, values in own.rows]
+        scale = scale_for(given, taken.scale)
         own.rows = own.sound(own.rows, lambda row, each: _on_scale(each, scale, place(row, column)))
     if taken.task == "comparison":
         own.rows = [(row, _with_interval(values)) for row, values in own.rows]

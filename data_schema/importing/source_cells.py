@@ -18,7 +18,7 @@ from evenlight.data_schema.importing.import_request import COUNTS, UNITS, Import
 from evenlight.data_schema.mapping import type_hints
 from evenlight.data_schema.quantities import check_value, file_key
 from evenlight.data_schema.storage.foreign_tables import FILE_NAME, ForeignTable, Row
-from evenlight.data_schema.storage.tables import number_in
+from evenlight.data_schema.storage.tables import as_number, number_in
 
 # Names that other programs give to columns of ours, in small letters; units are never guessed.
 ALSO_CALLED = {
@@ -32,7 +32,6 @@ ALSO_CALLED = {
 MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})  # in small letters; PsychoPy writes None
 TRUTHS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
 _COMMA_NUMBER, _POINT_NUMBER = re.compile(r"-?\d+,\d+"), re.compile(r"-?\d*\.\d+")
-_NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)")
 Cells = dict[str, tuple[str, str]]  # text of a cell and the column it stands in, by our attribute
 
 
@@ -215,8 +214,7 @@ class CellReader:
         self._table, self._taken, self._fields, self._kinds = table, taken, taken.fields, _kinds(taken)
         self._given, self._units = taken.given, taken.units
         missing = taken.settings.get("missing", [])
-        self._missing = MISSING | {text.lower() for text in missing}
-        self._missing_numbers = {float(text) for text in missing if _NUMBER.fullmatch(text)}
+        self._missing = MISSING | {as_number(text).lower() for text in missing}
         numeric = [name for name in taken.given if self._kinds[name] in (int, float)]
         numbers: dict[Path, set[str]] = {}
         for row, cells in rows:
@@ -241,22 +239,22 @@ class CellReader:
         """
         text, column = cells.get(name, ("", ""))
         kind, own, given = self._kinds[name], self._fields[name], self._taken.values.get(name, {})
-        number = float(text) if self._missing_numbers and _NUMBER.fullmatch(text) else None
-        if text.lower() in self._missing or number in self._missing_numbers:
+        if as_number(text).lower() in self._missing:
             return None
         label = text if kind in (int, float) else self._table.labels.get(column, {}).get(text, text)
-        text = given.get(text, given.get(label, label))
+        numbers = {as_number(theirs): meant for theirs, meant in given.items()}
+        text = given.get(text, given.get(label, numbers.get(as_number(text), label)))
         where = self._table.place(line, column)
         if text.lower() in MISSING:
             return None
         if known := [*TRUTHS] if kind is bool else _words(kind):
-            if text.lower() not in known:
+            if (word := as_number(text).lower()) not in known:
                 wanted = "true or false" if kind is bool else f"one of {', '.join(map(repr, known))}"
                 raise InputError(
                     f"{where}: expected {wanted}, got {text!r}; say what stands for them, as with --value "
                     f"{name}:{known[0]}=THEIRS"
                 )
-            return TRUTHS[text.lower()] if kind is bool else text.lower()
+            return TRUTHS[word] if kind is bool else word
         value = text if kind is str else self._number(name, text, line, where)
         try:
             if not own.metadata.get("pattern"):  # names are made fit later

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import string
 import unicodedata
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -65,10 +66,17 @@ def ids_for(texts: list[str]) -> dict[str, str]:
 
     >>> ids_for(["VP 1", "VP 2"]), ids_for(["VP 1", "Anna"])
     ({'VP 1': 'VP1', 'VP 2': 'VP2'}, {'VP 1': 'P01', 'Anna': 'P02'})
+    >>> ids_for(["P02", "Anna", "B1"])
+    {'P02': 'C01', 'Anna': 'C02', 'B1': 'C03'}
     """
     found = [participant_id_in(text) for text in texts]
     ids = [each for each in found if each]
-    return dict(zip(texts, ids if len(ids) == len(texts) else numbered_codes(len(texts), "P"), strict=True))
+    if len(ids) < len(texts):  # codes begin with P, or else as none of the texts does
+        plain = (unicodedata.normalize("NFKC", text) for text in texts)
+        firsts = {re.sub(r"^sub-|[\W_]", "", text)[:1].upper() for text in plain}
+        free = (letter for letter in "P" + string.ascii_uppercase if letter not in firsts)
+        ids = numbered_codes(len(texts), next(free, "P" * max(map(len, texts)) + "P"))
+    return dict(zip(texts, ids, strict=True))
 
 
 def are_codes(ids: dict[str, str]) -> bool:

@@ -11,7 +11,7 @@ from evenlight.data_schema.quantities import quantity, record
 
 COMMON = ((0, 1), (1, 5), (1, 7), (1, 9), (0, 10), (0, 100))  # the first that holds all; 0 to 1 has decimals
 STEPS = (1.0, 0.5, 0.25, 0.1, 0.05, 0.01, 0.001)  # of which the first that holds all; else any number
-FEW = 0.05  # share of ratings that are likelier typed wrongly than of a scale ten times as long (choice)
+FEW = 0.05  # share of ratings that are likelier typed wrongly than of a longer scale (choice)
 
 
 def exact(rating: float) -> Fraction:
@@ -68,37 +68,52 @@ def scale_of(
 ) -> tuple[RatingScale, str]:
     """Return the scale of ratings, each with its place, and what is to be said of it.
 
+    `InputError` as `scale_for` raises, and if a rating is not on it; the message names the place, or the
+    `option` to ask with.
+    """
+    scale = scale_for(given, asked, option)
+    if wrong := next((f"{place}: {why}" for place, x in given if (why := scale.refusal(x))), ""):
+        raise InputError(wrong)
+    return scale, f"scale: {scale}" + f", seen from the data; {option} says otherwise" * (not asked)
+
+
+def scale_for(given: Sequence[tuple[str, float]], asked: str = "", option: str = "--scale") -> RatingScale:
+    """Return the scale of ratings, each with its place; one that is asked for need not hold them all.
+
     It is the one asked for, as `1..7`, `0..100` or `1..5:0.5` (the ratings tell a step that is not), or else
-    the smallest usual one that holds all ratings. `InputError` if that is written otherwise, the ratings
-    leave it open, or one is not on it; the message names the place, or the `option` to ask with.
+    the smallest usual one that holds all ratings. `InputError` if that is written otherwise, or the ratings
+    leave it open: few lie outside a shorter one, or some outside all.
     """
     number, ratings = r"(-?\d+(?:\.\d+)?)", [rating for _, rating in given]
     told = re.fullmatch(rf"{number}\.\.{number}(?::{number})?", asked)
     if asked and not told:
         problem = "expected LOWEST..HIGHEST or LOWEST..HIGHEST:STEP, as 1..7, 0..100 or 1..5:0.5"
         raise InputError(f"{option}: {problem}, got {asked!r}")
-    lowest, highest = (float(told[1]), float(told[2])) if told else _seen_range(ratings, option)
+    lowest, highest = (float(told[1]), float(told[2])) if told else _seen_range(given, option)
     above = [exact(x) - exact(lowest) for x in (highest, *ratings) if lowest <= x <= highest]
     seen = next((step for step in STEPS if not any(each % exact(step) for each in above)), 0.0)
     try:
-        scale = RatingScale(lowest, highest, float(told[3]) if told and told[3] else seen)
+        return RatingScale(lowest, highest, float(told[3]) if told and told[3] else seen)
     except ValueError as error:
         raise InputError(f"{option}: {error}") from None
-    if wrong := next((f"{place}: {why}" for place, x in given if (why := scale.refusal(x))), ""):
-        raise InputError(wrong)
-    return scale, f"scale: {scale}" + f", seen from the data; {option} says otherwise" * (not asked)
 
 
-def _seen_range(ratings: Sequence[float], option: str) -> tuple[float, float]:
-    common = COMMON if any(rating % 1 for rating in ratings) else COMMON[1:]
-    found = next((ends for ends in common if ends[0] <= min(ratings) and max(ratings) <= ends[1]), None)
-    beyond = [rating for rating in ratings if rating > 10]
-    if found is None:
-        span, say = f"{min(ratings):g} to {max(ratings):g}", f"say theirs with {option}, such as 1..7"
-        raise InputError(f"ratings from {span} are on no usual scale; {say}")
-    if found == COMMON[-1] and len(beyond) <= FEW * len(ratings):
-        raise InputError(
-            f"{len(beyond)} of {len(ratings)} ratings lie above 10, such as {beyond[0]:g}: typed wrongly, or "
-            f"on a scale of 0 to 100? say which with {option}, such as 1..5 or 0..100"
-        )
-    return float(found[0]), float(found[1])
+def _seen_range(given: Sequence[tuple[str, float]], option: str) -> tuple[float, float]:
+    for lowest, highest in COMMON if any(rating % 1 for _, rating in given) else COMMON[1:]:
+        beyond = [(place, rating) for place, rating in given if not lowest <= rating <= highest]
+        if not beyond:
+            return float(lowest), float(highest)
+        if len(beyond) <= FEW * len(given):
+            place, odd = beyond[0]
+            many = f"{len(beyond)} of {len(given)} ratings {'is' if len(beyond) == 1 else 'are'}"
+            mark = f"a mark for no rating (--missing {odd:g}), " * (option[0] == "-" and not 0 <= odd <= 10)
+            raise InputError(
+                f"{place}: rating {odd:g}: {many} not from {lowest} to {highest}: {mark}typed wrongly "
+                f"({option} {lowest}..{highest}), or on a longer scale ({option} says which)?"
+            )
+    ratings = [rating for _, rating in given]
+    place, odd = beyond[0]
+    raise InputError(
+        f"{place}: rating {odd:g}: ratings from {min(ratings):g} to {max(ratings):g} are on no usual scale; "
+        f"say theirs with {option}, such as -3..3"
+    )

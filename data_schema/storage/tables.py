@@ -187,6 +187,17 @@ def number_in(text: str, where: str) -> float:
     raise InputError(f"{where}: expected a number, got {shown(text)}")
 
 
+def as_number(text: str) -> str:
+    """Return a text or, of a number, the one text that all its spellings have: numbers compare as numbers.
+
+    >>> [as_number(text) for text in ("1.0", "1,00", "01", "1e1", "ours", "nan")]
+    ['1', '1', '1', '10', 'ours', 'nan']
+    """
+    plain = text.replace(",", ".")
+    number = len(plain) < 16 and _NUMBER.fullmatch(plain)  # longer ones are ids, and a float would merge them
+    return f"{float(plain):.15g}" if number else text
+
+
 def plain_cell(kind: Any, text: str) -> Any:
     """Return a cell as the plain value of its column's type; if it is none, its text: a record refuses that.
 

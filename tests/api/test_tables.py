@@ -208,6 +208,8 @@ def test_search_times_need_no_column_that_statistics_do_not_read() -> None:
     found = evenlight.analyze(rows)
     assert found.name == "search"
     assert len(found.statistics) > 10
+    numbers = pd.DataFrame(rows).assign(found=1.0)  # as pandas reads a column with gaps
+    assert evenlight.analyze(numbers).statistics.equals(found.statistics)
 
 
 def test_results_are_saved_as_the_command_saves_them(tmp_path: Path) -> None:

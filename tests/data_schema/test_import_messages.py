@@ -259,9 +259,12 @@ def test_no_file_name_is_in_the_data_set(tmp_path, command) -> None:
 
 
 def test_a_block_of_ramps_that_comes_again_is_refused(tmp_path, command) -> None:
-    header = "participant,trial_index,factor,rate_cd_per_m2_per_s,duration_s,response\n"
+    header = "participant,trial_index,factor,rate_cd_per_m2_per_s,duration_s,response,response_time_s\n"
     shown = [(0.5 + 0.05 * (n % 4), 1 + n, "yes" if n % 3 else "no") for n in range(10)]
-    lines = [f"a,{n},{shown[n % 10][0]:g},{shown[n % 10][1]},5,{shown[n % 10][2]}\n" for n in range(20)]
+    lines = [
+        f"a,{n},{shown[n % 10][0]:g},{shown[n % 10][1]},5,{shown[n % 10][2]},{0.5 + n % 10 / 100}\n"
+        for n in range(20)
+    ]
     (tmp_path / "ramps.csv").write_text(header + "".join(lines))
     rate = ("--column", "rate=rate_cd_per_m2_per_s", "--unit", "rate=cd/m^2/s")
     outcome = command(

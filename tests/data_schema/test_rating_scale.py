@@ -59,12 +59,21 @@ def test_the_scale_is_the_one_asked_for_or_the_smallest_usual_one(ratings, asked
         ((1, 2), "1..6:2", "in whole steps, got 1 to 6 in steps of 2"),
         ((1, 9), "1..7", "row 1: rating must be on the scale of 1 to 7 in whole points, got 9"),
         ((1, 3.5), "1..7:1", "row 1: rating must be on the scale of 1 to 7 in whole points, got 3.5"),
-        ((-1, 4), "", "ratings from -1 to 4 are on no usual scale; say theirs with --scale, such as 1..7"),
+        (
+            (4, -1),
+            "",
+            "row 1: rating -1: ratings from -1 to 4 are on no usual scale; say theirs with --scale, such",
+        ),
         (
             (*[4] * 30, 44),
             "",
-            "1 of 31 ratings lie above 10, such as 44: typed wrongly, or on a scale of 0 to",
+            "row 30: rating 44: 1 of 31 ratings is not from 1 to 5: a mark for no rating (--missing 44), "
+            "typed wrongly (--scale 1..5), or on a longer scale (--scale says which)?",
         ),
+        ((*[4] * 38, 6, 7), "", "row 38: rating 6: 2 of 40 ratings are not from 1 to 5: "),
+        ((*[1, 7] * 20, 8), "", "row 40: rating 8: 1 of 41 ratings is not from 1 to 7: "),
+        ((*[0, 9] * 20, 77), "", "row 40: rating 77: 1 of 41 ratings is not from 0 to 10: "),
+        ((*[1, 5] * 20, 999), "", "1 of 41 ratings is not from 1 to 5: a mark for no rating (--missing 999)"),
     ],
 )
 def test_what_leaves_the_scale_open_is_asked_about(ratings, asked, words) -> None:
