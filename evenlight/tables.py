@@ -21,6 +21,7 @@ from evenlight.analysis.session_loading import task_data_of
 from evenlight.data_schema.arguments import choice, flag, must_be_one_of, number, text, whole
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError, InputError
+from evenlight.data_schema.importing.imported_order import ITEMS
 from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping, type_hints
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
@@ -301,11 +302,6 @@ def _with_repetitions(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
         row.setdefault("time_limit_s", limit)
         if row.get("found") == 0:
             row.setdefault("search_time_s", row["time_limit_s"])
-    ordered = rows
-    if all(isinstance(row.get("trial_index"), Real) for row in rows):
-        ordered = sorted(rows, key=lambda row: row["trial_index"])
-    cell = ("participant_id", "sequence", "keypoint", "version")
-    items = [tuple(row.get(name) for name in cell) for row in ordered]
-    for row, which in zip(ordered, repetitions(items), strict=True):
+    for row, which in zip(rows, repetitions(rows, ITEMS["search"]), strict=True):
         row.setdefault("repetition", which)
     return rows

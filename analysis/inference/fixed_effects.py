@@ -253,8 +253,8 @@ class FitFlag(Flag):
     NOT_CONVERGED = "the model did not converge"
     TOO_FEW_PEOPLE = "too few participants for a test or an interval"
     NO_BOUNDS = "not bounded"
-    NO_UPPER_BOUND = "runs to plus infinity: the data set no bound on that side"
-    NO_LOWER_BOUND = "runs to minus infinity: the data set no bound on that side"
+    NO_UPPER_BOUND = "runs to plus infinity, as the answers separate perfectly: it has no upper end"
+    NO_LOWER_BOUND = "runs to minus infinity, as the answers separate perfectly: it has no lower end"
     RUNS_UP = "runs to plus infinity"
     RUNS_DOWN = "runs to minus infinity"
     LOST_LOWER = "the search for the lower end of the interval did not converge"
@@ -388,8 +388,8 @@ def profiled_effect(
     if reference.df < 1:
         flag = FitFlag.SEPARATED if unbounded else FitFlag.TOO_FEW_PEOPLE
         return FixedEffect(name, value, spread, flags=(flag,), endless=unbounded)
-    if clustered and not unbounded:
-        error = profile.standard_error(clustered) * float(np.sqrt((reference.df + 1) / reference.df))
+    if clustered and reference.units and not unbounded:
+        error = profile.standard_error(clustered) * math.sqrt(reference.units / (reference.units - 1))
     if not (profiled or unbounded):
         return student_effect(name, sign * estimate, error, reference.df)
     critical, furthest = reference.critical, furthest / span

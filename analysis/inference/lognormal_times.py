@@ -38,10 +38,9 @@ from evenlight.analysis.inference.fixed_effects import (
 )
 from evenlight.analysis.inference.mixed_designs import (
     GroupedModel,
-    NullDistribution,
-    effective_people,
     grouped_design,
     in_row_space,
+    people_reference,
     reference_of,
     require_effects,
     start_of_loadings,
@@ -284,8 +283,8 @@ def _effect(
     slope = design.slope is not None and bool(weights[design.slope])
     reference = reference_of(turned, m, design.groups, int(data.observed.sum()), slope)
     if clustered:
-        people = effective_people(turned, m, design.groups)
-        reference = NullDistribution(people - 1, people)
+        random = design.loadings @ _factor(model, found[1])
+        reference = people_reference(turned, m, design.groups, random if slope else None)
     span = float(np.ptp(turned[:, m])) or float(np.abs(turned[:, m]).max())
     profile = Profile(*_turned(*found, turn), 1 + m, scale=0)
     profiled = profiled and not clustered
@@ -308,10 +307,14 @@ def _turned(likelihood: Objective, top: Maximum, turn: Array) -> tuple[Objective
 
 
 def _spread(model: GroupedModel, top: Maximum) -> tuple[float, float | None]:
-    padded = model.padded
-    factor = triangle(top.parameters[padded.n_fixed :], padded.n_effects) / top.parameters[0]
+    factor = _factor(model, top) / top.parameters[0]
     sds = np.sqrt(np.diag(factor @ factor.T)).tolist()
     return (sds or [0.0])[0], (sds[1] if len(sds) > 1 else None)
+
+
+def _factor(model: GroupedModel, top: Maximum) -> Array:
+    """Return Λ/τ, of the effects of participants."""
+    return triangle(top.parameters[model.padded.n_fixed :], model.padded.n_effects)
 
 
 def times_fit_without_numbers(

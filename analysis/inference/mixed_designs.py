@@ -245,18 +245,46 @@ def weight_of_people(design: Array, index: int, groups: Integers) -> float:
     return float(np.sum(np.bincount(groups, weights=own) ** 2) / (own @ own))
 
 
-def effective_people(design: Array, index: int, groups: Integers) -> float:
-    """Return how many participants an effect rests on, 1 / Σ s_p²: s_p is the share of each in its variance.
+def people_reference(
+    design: Array, index: int, groups: Integers, random: Array | None = None
+) -> NullDistribution:
+    """Return what an effect with the sandwich over participants is compared with.
 
-    Of the variance if observations were independent (Kish 1965, Survey Sampling).
+    Its units are how many participants it rests on, P = 1 / Σ s_p² with the share s_p of each in its variance
+    (Kish 1965, Survey Sampling): the sandwich's expectation is the variance times 1 - 1/P. Its degrees of
+    freedom are those of the sandwich (Satterthwaite; as Bell & McCaffrey 2002, Survey Methodology 28, 169),
+    (1 - S₂)² / (S₂ - 2 S₃ + S₂²) with S_k = Σ s_p^k: P - 1 where people weigh the same, and where the model
+    does not know how they differ, so that the shares are not quite known.
 
-    >>> design = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, 0.0], [1.0, 1.0]])
-    >>> effective_people(design, 1, np.array([0, 0, 1, 1]))
-    2.0
+    Parameters
+    ----------
+    design, index : array (n, k), int
+        Fixed effects, and which of them.
+    groups : array (n,) of int
+        Participant of each observation, 0 to P - 1.
+    random : array (n, q), optional
+        W Λ/τ: what standard normal participant effects add, in residual standard deviations. People who
+        differ weigh nearly the same, however many observations each has. None if the model has no such
+        effect on this one: all observations then weigh the same.
+
+    >>> design, groups = np.array([[1.0, 0.0], [1.0, 1.0]] * 4), np.array([0, 0, 1, 1, 1, 1, 1, 1])
+    >>> [people_reference(design, 1, groups, sd * design).units for sd in (0, 9)]
+    [1.6, 2.0]
     """
-    own = design @ np.linalg.inv(design.T @ design)[:, index]
-    shares = np.bincount(groups, weights=own**2)
-    return round(float(shares.sum() ** 2 / (shares @ shares)), 1)  # about 2 are 2, for a t of 1 degree
+    loadings = np.zeros((design.shape[0], 0)) if random is None else random
+    information = np.zeros((groups.max() + 1, design.shape[1], design.shape[1]))
+    for person in range(groups.max() + 1):
+        x, w = design[groups == person], loadings[groups == person]
+        across = w.T @ x
+        information[person] = x.T @ x - across.T @ np.linalg.solve(np.eye(w.shape[1]) + w.T @ w, across)
+    influence = np.linalg.inv(information.sum(axis=0))[:, index]
+    shares = influence @ information @ influence
+    shares = shares / shares.sum()
+    second, third = float(np.sum(shares**2)), float(np.sum(shares**3))
+    people = round(1 / second, 1)  # about 2 are 2, for a t of 1 degree
+    if people < 2 or random is None:
+        return NullDistribution(people - 1, people)
+    return NullDistribution(round((1 - second) ** 2 / (second - 2 * third + second**2), 1), people)
 
 
 def between_directions(design: Array, groups: Integers) -> int:

@@ -38,8 +38,8 @@ from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.search import SearchTrial
 
-ALPHA = 0.05
 MORE = 0.1  # light in the example of what the slope means
+IF_WRONG = "wrong answers as searches cut short, or left out"
 RATIO_NAMES = ("ratio", "95 % CI", "p")
 UNDETECTED_NAMES = ("undetected: the track", "baseline", "p", "p (Holm)")
 SEPARATED = (*SEPARATING, SearchFlag.OURS_FIRST, SearchFlag.BASELINE_FIRST)
@@ -115,6 +115,8 @@ def _results(study: Study) -> dict[str, Any]:
         "wrong": int(np.count_nonzero(table.wrong)),
         "repeated": table.repeated,
         "locations": counted(len(table.locations), "location"),
+        "right": study.right_alone,
+        "wrong_shares": [percent(table.wrong[table.ours == ours].mean()) for ours in VERSIONS.values()],
         "overall": find("versions", EVERYWHERE, RATIO),
         "slope": find("brightness", of.LIKE_PEOPLE, of.SLOPE),
         "elsewhere": find("brightness", of.LIKE_BOTH, of.SLOPE),
@@ -123,7 +125,7 @@ def _results(study: Study) -> dict[str, Any]:
         "about_equal": ABOUT_EQUAL,
         "slowing": study.slowing,
         "more": MORE,
-        "alpha": ALPHA,
+        "alpha": of.ALPHA,
         "ratio": partial(_ratio_in_words, study),
         "lighter": _lighter,
         "sure": partial(how_sure, most=study.most),
@@ -151,9 +153,11 @@ def key_figures_of(study: Study, confound: str = "") -> tuple[KeyFigure, ...]:
     slope = find("brightness", of.LIKE_PEOPLE, of.SLOPE)
     figures = []
     if ratio and ratio.value is not None:
-        figures.append(
-            KeyFigure(f"{study.ratio(ratio)[0]}", "search time, the track to baseline", sure(ratio))
-        )
+        value, words, held = study.ratio(ratio)[0], "search time, the track to baseline", sure(ratio)
+        if right := study.right_alone:
+            value, words = f"{value} or {study.ratio(right)[0]}", f"{words}: {IF_WRONG}"
+            held = f"{held}, or {sure(right)}"
+        figures.append(KeyFigure(f"{value}", words, held))
     if slope and slope.value is not None and slope.p_value is not None:
         lighter = _lighter(slope)
         words = f"of the time with {percent(MORE, 0)} more light"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -38,6 +38,7 @@ from evenlight.data_schema.analysis_results import Origin, Statistic
 from evenlight.data_schema.arrays import Array, Integers, Mask
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchTrial
 
+ALPHA = 0.05
 SLOWING = 0.25  # more than that where ours dims would be a loss (choice; docs/decisions/search-inference.md)
 EVERYWHERE = "all"
 VERSIONS = {"ours": True, "baseline": False}
@@ -56,6 +57,7 @@ LIKE_BOTH = "people and locations like these"
 HALVES, TRIALS_LATER = "time ratio, second half / first half", "time ratio, ten trials later in a half"
 HAZARD = "hazard ratio, ours / baseline"
 FIRST = "pairs, ours found first - baseline found first"
+WRONG = "wrong answers, ours - baseline"
 MORE_FOUND = "number of rings found, ours - baseline"
 CORRECT, GUESSED = "gaps identified correctly", "rings found without being seen"
 FACTOR, FOUND, CHANGE = "brightness factor", "rings found", "rings found, ours - baseline"
@@ -168,6 +170,22 @@ class Study:
         """The largest ratio of times that searches can show."""
         return float(self.table.limits.max()) / SHORTEST_TIME
 
+    @property
+    def right_alone(self) -> Statistic | None:
+        """The time ratio of right answers alone where wrong ones decide: None where the ratios agree.
+
+        They do not where either lies outside the other's interval, or wrong answers are commoner in one
+        version: the race takes them for searches cut short at any moment, of whatever difficulty.
+        """
+        find = self.rows.find
+        ratio = find("versions", EVERYWHERE, RATIO)
+        right = find("undetected", EVERYWHERE, f"{RATIO}; {models.RIGHT}")
+        wrong = find("detections", EVERYWHERE, WRONG)
+        if ratio is None or right is None or ratio.value is None or right.value is None:
+            return None
+        commoner = wrong is not None and wrong.p_value is not None and wrong.p_value <= ALPHA
+        return right if commoner or not (_holds(ratio, right.value) and _holds(right, ratio.value)) else None
+
     def ratio(self, row: Statistic | None) -> tuple[Cell, Cell]:
         """Return a ratio of times and its interval, as tables show them."""
         return ratio_with_interval(row, self.most)
@@ -184,6 +202,10 @@ class Study:
     def group_of(self, side: BrightnessEffect) -> str:
         """Return the group of a side's time ratio."""
         return f"{side.value} ({self.sides[side]} locations)"
+
+
+def _holds(row: Statistic, value: float) -> bool:
+    return (row.ci_low or 0.0) <= value <= (math.inf if row.ci_high is None else row.ci_high)
 
 
 def searches_of_cells(table: SearchTable) -> Integers:
@@ -315,6 +337,10 @@ def _add_pair_rows(study: Study) -> None:
         add, n = partial(study.rows.add, "detections", group), pairs.first.size
         add(CHANGE, "1", f"within people and locations; {OVER_PEOPLE}", paired.detection_change(pairs), n)
         add(MORE_FOUND, "1", EXCHANGED, paired.exchanged(pairs, pairs.more), n)
+    if groups and study.table.wrong.any():
+        pairs = paired.matched_pairs(replace(study.table, found=study.table.wrong))
+        add, n, method = partial(study.rows.add, "detections", EVERYWHERE), pairs.first.size, OVER_PEOPLE
+        add(WRONG, "1", f"within people and locations; {method}", paired.detection_change(pairs), n)
 
 
 def _add_share_rows(study: Study) -> None:

@@ -36,7 +36,8 @@ def times_figure(study: Study) -> Drawing:
     with style.look():
         em = PAGE.em
         left = (NAME_WIDTH + 1.0) * em
-        width = PAGE.width - left - (COUNT_WIDTH + FACTOR_WIDTH + 1.5) * em
+        columns = COUNT_WIDTH + (FACTOR_WIDTH if _factors_known(study) else 0.0)
+        width = PAGE.width - left - (columns + 1.5) * em
         lines, above = style.heading_lines(*_heading(study), PAGE.width - 2 * em, em)
         top = above + 3.0 * em
         lowest, highest = places[-1] + 0.65, -HEADING / ROW - 0.1
@@ -46,17 +47,23 @@ def times_figure(study: Study) -> Drawing:
         axes = style.axes_at(figure, left, top, width, height)
         limit = float(study.table.limits.max())
         axes.set(xlim=(0, 1.04 * study.span(limit)), ylim=(lowest, highest))
-        _frame(axes, limit, "undetected" if study.table.repeated else "undetected / n")
+        _frame(axes, limit)
+        _head_columns(axes, study)
         plot = Plot(axes, "times", study.rows.origin, ("location", "1", "search time", "s"))
         lost = Plot(axes, "undetected", study.rows.origin, UNDETECTED)
         lost.points = plot.points  # one table, location by location
         _draw_locations(plot, lost, study, places)
         _add_key(axes, -NAME_WIDTH * em / width, -3.6 * em / height)
+    last = "undetected rings, and brightness factors" if _factors_known(study) else "and undetected rings"
     caption = (
         "Search times at each location in both versions: medians with 95 % confidence intervals, means "
-        "of the rings found, undetected rings, and brightness factors."
+        f"of the rings found, {last}."
     )
     return Drawing("search_times", figure, caption, tuple(plot.points))
+
+
+def _factors_known(study: Study) -> bool:
+    return any(place.ours or place.baseline for place in study.table.locations)
 
 
 def _heading(study: Study) -> tuple[str, str]:
@@ -64,12 +71,12 @@ def _heading(study: Study) -> tuple[str, str]:
     people, times = _span(searched), ""
     if study.table.repeated:
         people, times = f"{len(study.table.participants)}", f" {_span(study.searches_each)} times"
+    order = "Within a sequence from the locations that the track brightens most to those that it dims most. "
     return (
         "How long it takes to find the ring",
         f"{'Simulated: ' if study.simulated else ''}{people} participants search each location{times} "
-        "in each version. Within a sequence from the locations that the track brightens most to those that "
-        "it dims most. Bars: 95 % confidence intervals of the median (Kaplan–Meier); an arrow: no upper end "
-        "within the time limit.",
+        f"in each version. {order if _factors_known(study) else ''}Bars: 95 % confidence intervals of the "
+        "median (Kaplan–Meier); an arrow: no upper end within the time limit.",
     )
 
 
@@ -90,7 +97,7 @@ def _row_places(locations: tuple[Location, ...]) -> list[float]:
     return places
 
 
-def _frame(axes: Axes, limit: float, undetected: str) -> None:
+def _frame(axes: Axes, limit: float) -> None:
     size = style.text_size()
     axes.set_xlabel("search time [s]")
     axes.set_yticks([])
@@ -108,7 +115,13 @@ def _frame(axes: Axes, limit: float, undetected: str) -> None:
             color=style.MUTED,
             fontsize=0.9 * size,
         )
-    for title, start in ((undetected, COUNTS), ("brightness factor", FACTORS)):
+
+
+def _head_columns(axes: Axes, study: Study) -> None:
+    columns = {"undetected" if study.table.repeated else "undetected / n": COUNTS}
+    if _factors_known(study):
+        columns["brightness factor"] = FACTORS
+    for title, start in columns.items():
         _write(axes, title, (1.0, -HEADING / ROW), (start, 1.9), color=style.INK)
         for version, (colour, aside, _) in STYLE.items():
             _write(axes, version, (1.0, -HEADING / ROW), (start + aside, 0.6), color=colour)
@@ -148,9 +161,10 @@ def _draw_locations(plot: Plot, lost: Plot, study: Study, places: list[float]) -
             _write(axes, words, (1.0, place), (COUNTS + aside, 0), va="center", color=lacking)
             if undetected is None:
                 continue
-            factor = found[f"{of.FACTOR}, {version}"].value
-            words = "–" if factor is None else f"{factor:.2f}"
-            _write(axes, words, (1.0, place), (FACTORS + aside, 0), va="center", color=style.INK)
+            if _factors_known(study):
+                factor = found[f"{of.FACTOR}, {version}"].value
+                words = "–" if factor is None else f"{factor:.2f}"
+                _write(axes, words, (1.0, place), (FACTORS + aside, 0), va="center", color=style.INK)
             median = found[f"{of.MEDIAN}, {version}"]
             ends = (median.ci_low, median.ci_high)
             plot.note(f"median, {version}", None, median.value, location.name, median.n, ends)

@@ -60,14 +60,16 @@ QUESTIONS = (
 class RepeatedTruth:
     """What is true of people, locations, versions and searches; effects and scatters are in ln(time).
 
-    `fewest` to `most` searches of a person at a location in a version; `middle` and `time_limit` in s;
-    `person_location_sd` of the level, `three_way_sd` of the version's effect, of a person at a location.
+    `fewest` to `most` searches of a person at a location in a version, but `busiest` of the first person,
+    if above 0; `middle` and `time_limit` in s; `person_location_sd` of the level, `three_way_sd` of the
+    version's effect, of a person at a location.
     """
 
     people: int = 12
     locations: int = 6
     fewest: int = 8
     most: int = 8
+    busiest: int = 0
     version: float = 0.0
     brightness: float = 0.0
     person_sd: float = 0.3
@@ -92,6 +94,7 @@ SCENARIOS: dict[str, tuple[RepeatedTruth, tuple[str, ...]]] = {
     "people differ": (DIFFERENT, (*MODELS, *PAIRS)),
     "twice each": (replace(DIFFERENT, fewest=2, most=2), (*MODELS, *PAIRS)),
     "2 to 16 each": (replace(DIFFERENT, fewest=2, most=16), (*MODELS, *PAIRS[:3])),
+    "2 each, one 20": (replace(DIFFERENT, people=8, fewest=2, most=2, busiest=20), MODELS),
     "locations differ too": (replace(DIFFERENT, location_sd=0.15), (BOTH,)),
     "an effect": (replace(DIFFERENT, version=-0.1, brightness=-0.3), (VERSIONS, PEOPLE, PLACE)),
 }
@@ -101,7 +104,9 @@ def repeated_table(truth: RepeatedTruth, rng: np.random.Generator) -> SearchTabl
     """Return the searches of people drawn at random."""
     people, places = truth.people, truth.locations
     grid = np.meshgrid(range(people), range(places), (0, 1), indexing="ij")
-    each = rng.integers(truth.fewest, truth.most + 1, people)[grid[0].ravel()]
+    own = rng.integers(truth.fewest, truth.most + 1, people)
+    own[0] = truth.busiest or own[0]
+    each = own[grid[0].ravel()]
     p, k, ours = (np.repeat(cell.ravel(), each) for cell in grid)
     order = rng.permutation(p.size)
     order = order[np.argsort(p[order], kind="stable")]

@@ -13,7 +13,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.importing.import_request import ImportRequest
 from evenlight.data_schema.printed import first_few
 from evenlight.data_schema.recordings.participant_ids import are_codes, ids_for, numbered_codes
-from evenlight.data_schema.recordings.viewing import name_in, repetitions
+from evenlight.data_schema.recordings.viewing import in_sessions, name_in, repetitions
 from evenlight.data_schema.storage.foreign_tables import ForeignTable, Row
 
 Given = TypeVar("Given")
@@ -66,7 +66,7 @@ class Rows:
 
     def in_order(self) -> list[tuple[Row, dict[str, Any]]]:
         """Return the rows in the order of sessions and trials, or of the file where it is not known yet."""
-        return sorted(self.rows, key=lambda row: (row[1]["session_id"] or "", row[1]["trial_index"] or 0))
+        return sorted(self.rows, key=lambda row: in_sessions(row[1]))
 
     def groups(self, *names: str) -> dict[tuple[Any, ...], list[tuple[Row, dict[str, Any]]]]:
         """Return the rows that agree in some values, in their order."""
@@ -169,11 +169,11 @@ def _repetitions(own: Rows, item: tuple[str, ...]) -> Iterator[str]:
             "; if it is a repetition, name the column that counts them (--column repetition=THEIRS) or "
             "the order of trials (--column trial_index=THEIRS), else take it out",
         )
-    rows = [values for _, values in own.in_order()]
+    rows = [values for _, values in own.rows]
     items = [tuple(values.get(name) for name in item) for values in rows]
     if not timed and len(items) <= FEW_REPETITIONS * len(set(items)):
         _refuse_copied_answers(own, item)
-    numbers = repetitions(items)
+    numbers = repetitions(rows, item)
     if max(numbers) > 1:
         yield f"repetition: by {'trial_index' if numbered else 'the order of rows'}"
     elif own.taken.task == "ramp":

@@ -8,7 +8,9 @@ import re
 import statistics
 import unicodedata
 from collections import Counter
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
+from numbers import Real
+from typing import Any
 
 from evenlight.data_schema.quantities import as_in, count, described, one_line, quantity, record, share
 from evenlight.data_schema.recordings.ramp import FrameLog, RampDesign, RampTrial, Response, Trial, TrialFlag
@@ -261,18 +263,36 @@ class ClipLog:
         return one_line(self, name, self.flip_times, video_frames=self.video_frames, factors=self.factors)
 
 
-def repetitions(items: Sequence[Hashable]) -> list[int]:
+def repetitions(answers: Sequence[Mapping[str, Any]], item: Sequence[str]) -> list[int]:
     """Return the number of each answer among those about the same item, from 1, if most have several; else 1.
 
     Where most was answered once, a further answer is no repetition of the design.
 
-    >>> repetitions(["a", "b", "a", "b"]), repetitions(["a", "b", "c", "a"])
-    ([1, 1, 2, 2], [1, 1, 1, 1])
+    Parameters
+    ----------
+    answers : sequence of mapping
+        Rows with `session_id` and `trial_index`, or without: they are counted by session, trial and row.
+    item : sequence of str
+        The columns that tell what is answered about.
+
+    >>> rows = [{"sequence": name, "trial_index": -k} for k, name in enumerate("abab")]
+    >>> repetitions(rows, ["sequence"]), repetitions(rows[:3], ["sequence"])
+    ([2, 2, 1, 1], [1, 1, 1])
     """
-    several = statistics.median_low(Counter(items).values()) > 1
-    counts: Counter[Hashable] = Counter()
-    numbers = []
-    for item in items:
-        counts[item] += 1
-        numbers.append(counts[item] if several else 1)
+    items = [tuple(each.get(name) for name in item) for each in answers]
+    numbers, counts = [1] * len(items), Counter[Hashable]()
+    if statistics.median_low(Counter(items).values()) > 1:
+        for row in sorted(range(len(items)), key=lambda row: in_sessions(answers[row])):
+            counts[items[row]] += 1
+            numbers[row] = counts[items[row]]
     return numbers
+
+
+def in_sessions(answer: Mapping[str, Any]) -> tuple[int, str, float]:
+    """Return by what answers are sorted in the order in which they were given: session, then trial.
+
+    >>> in_sessions({"session_id": "2", "trial_index": 9}) < in_sessions({"session_id": "10"})
+    True
+    """
+    session, index = str(answer.get("session_id") or ""), answer.get("trial_index")
+    return len(session), session, float(index) if isinstance(index, Real) else 0.0

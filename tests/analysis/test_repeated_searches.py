@@ -8,13 +8,14 @@ import numpy as np
 import pandas as pd
 import pytest
 from made_searches import SearchTruth, made_table, task_data, trials_of
+from matplotlib.text import Text
 from repeated_searches import DIFFERENT, PLACE, VERSIONS, repeated_table, study
 from scipy import stats
 from statsmodels.regression.mixed_linear_model import MixedLM
 
 import evenlight
 from evenlight.analysis.figure_style import PAGE
-from evenlight.analysis.inference.mixed_designs import effective_people
+from evenlight.analysis.inference.mixed_designs import people_reference
 from evenlight.analysis.inference.survival_curves import kaplan_meier
 from evenlight.analysis.search.search_brightness_figure import curves_figure
 from evenlight.analysis.search.search_findings import lead_of, pairs_section, times_section
@@ -32,8 +33,9 @@ from evenlight.analysis.search.search_trials import SearchTable
 from evenlight.data_schema.analysis_results import Statistic
 from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
 from evenlight.data_schema.recordings.search import SearchTrial
-from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.recordings.viewing import Version, repetitions
 from evenlight.data_schema.storage.tables import read_rows
+from evenlight.tables import _with_repetitions
 
 
 def lab_table(repetitions: int, seed: int = 6) -> pd.DataFrame:
@@ -121,6 +123,25 @@ def test_sessions_that_have_each_cell_once_repeat_it() -> None:
     assert ratios[0] == pytest.approx(ratios[1], rel=1e-6)
 
 
+def test_repetitions_are_counted_by_session_then_trial_in_tables_and_imports(command, tmp_path: Path) -> None:
+    table = lab_table(4)
+    table["session_id"] = np.where(table.trial_index <= 12, "2", "10")
+    table["trial_index"] = (table.trial_index - 1) % 12 + 1
+    by_number = table.assign(number=table.session_id.astype(int)).sort_values(["number", "trial_index"])
+    cell = ["participant_id", "sequence", "version"]
+    expected = (by_number.groupby(cell).cumcount() + 1).sort_index().tolist()
+    assert repetitions(table.to_dict("records"), (*cell, "keypoint")) == expected
+    assert [row["repetition"] for row in _with_repetitions(table.to_dict("records"))] == expected
+    table.to_csv(tmp_path / "table.csv", index=False)
+    assert command("import", tmp_path / "table.csv", "--task", "search", "--out", tmp_path / "lab").code == 0
+    files = sorted((tmp_path / "lab").rglob("sub-*/ses-*/*/*.tsv"))
+    trials = pd.concat([pd.read_csv(file, sep="\t", dtype={"session_id": str}) for file in files])
+    where = ["participant_id", "session_id", "trial_index"]
+    both = table.assign(expected=expected).merge(trials, on=where)
+    assert len(both) == len(table)
+    assert both.expected.tolist() == both.repetition.tolist()
+
+
 def test_a_search_of_an_earlier_file_is_the_first() -> None:
     truth = SearchTruth(participants=2, locations=1)
     plain = mapping_from_record(trials_of(made_table(truth, np.random.default_rng(1)))[0])
@@ -165,6 +186,40 @@ def test_a_wrong_answer_is_an_outcome_that_ends_a_search() -> None:
     assert right.n == table.times.size - wrong
     alone = effect_of(version_fit(study.table.some(~study.table.wrong)), VERSION)
     assert right.value == pytest.approx(np.exp(alone.estimate or 0.0))
+
+
+def wrong_answers(kind: str) -> pd.DataFrame:
+    """A lab's table with wrong answers anywhere, in the track, or early in it and late in the baseline."""
+    table, rng = lab_table(20), np.random.default_rng(9)
+    ours, chance = table.version == "ours", rng.random(len(table))
+    rank = table.groupby(["participant_id", "version"]).search_time_s.rank(pct=True)
+    early_or_late = (ours & (rank < 0.15)) | (~ours & (rank > 0.85))
+    wrong = {
+        "anywhere": chance < 0.1,
+        "in the track": ours & (chance < 0.35),
+        "early and late": early_or_late,
+    }
+    factor = table.sequence.map({"a": 1.0, "b": 0.8, "c": 0.6}).where(ours, 0.8)
+    return table.assign(found=~wrong[kind], factor=factor)
+
+
+@pytest.mark.parametrize("factors", [False, True])
+@pytest.mark.parametrize("kind", ["in the track", "early and late"])
+def test_a_ratio_that_rests_on_wrong_answers_says_so_first(kind: str, factors: bool) -> None:
+    table = wrong_answers(kind)
+    found = evenlight.analyze(table if factors else table.drop(columns="factor"))
+    right = np.exp(mixed_model(table[table.found])[0])
+    assert f", of right answers alone {right:.2f} (" in found.lead
+    assert "it rests on how wrong answers count." in found.lead
+    assert ("With 10 % more light" in found.lead) == factors
+    assert len(found.lead.split()) <= 60
+    assert found.key_figures[0].value.endswith(f" or {right:.2f}")
+    assert "It rests on how wrong answers count" in " ".join(found.sections[1].paragraphs)
+
+
+def test_a_ratio_that_does_not_rest_on_wrong_answers_stands_alone() -> None:
+    found = evenlight.analyze(wrong_answers("anywhere"))
+    assert "right answers" not in found.lead + found.key_figures[0].in_words
 
 
 def test_a_table_may_say_correct_in_place_of_found() -> None:
@@ -217,7 +272,44 @@ def test_a_location_s_shares_are_compared_over_people() -> None:
 def test_people_with_many_searches_do_not_make_many_people() -> None:
     groups = np.repeat([0, 1, 2], [2, 2, 100])
     design = np.column_stack([np.ones(104), np.tile([0.0, 1.0], 52)])
-    assert effective_people(design, 1, groups) == round(104**2 / (2**2 + 2**2 + 100**2), 1)
+    reference = people_reference(design, 1, groups)
+    assert reference.units == round(104**2 / (2**2 + 2**2 + 100**2), 1)
+    assert reference.df < 1  # neither test nor interval
+
+
+def test_the_sandwich_s_mean_and_degrees_of_freedom_are_those_of_the_fitted_model() -> None:
+    rng = np.random.default_rng(2)
+    groups = np.repeat(np.arange(4), [4, 8, 8, 40])
+    design = np.column_stack([np.ones(60), np.tile([0.0, 1.0], 30)])
+    random = design @ np.array([[0.9, 0.0], [0.3, 0.6]])
+    shape = (20_000, 4, 2)  # of everybody's own intercept and slope, which least squares give
+    own = rng.standard_normal(shape) @ np.array([[0.9, 0.3], [0.0, 0.6]])
+    inverse = [np.linalg.inv(x.T @ x) for x in (design[groups == person] for person in range(4))]
+    own += np.stack([rng.multivariate_normal([0, 0], noise, shape[0]) for noise in inverse], axis=1)
+    loadings = np.array([[0.9, 0.0], [0.3, 0.6]])
+    information = np.stack([np.linalg.inv(loadings @ loadings.T + noise) for noise in inverse])
+    influence = np.linalg.inv(information.sum(axis=0))
+    means = np.einsum("ij,pjk,npk->ni", influence, information, own)
+    scores = np.einsum("j,pjk,npk->np", influence[1], information, own - means[:, None])
+    variances = (scores**2).sum(axis=1)
+    reference = people_reference(design, 1, groups, random)
+    assert reference.units is not None
+    assert variances.mean() / influence[1, 1] == pytest.approx(1 - 1 / reference.units, rel=0.03)
+    assert reference.df == pytest.approx(2 * variances.mean() ** 2 / variances.var(), rel=0.1)
+    assert reference.units > 1.3 * (people_reference(design, 1, groups).units or 0.0)
+
+
+def test_one_person_with_many_searches_does_not_widen_the_interval() -> None:
+    table = lab_table(60)
+    cell = ["participant_id", "sequence", "version"]
+    table = table[(table.participant_id == "S00") | (table.groupby(cell).cumcount() < 6)]
+    estimate, error = mixed_model(table)
+    ratio = next(row for row in evenlight.analyze(table).rows if (row.group, row.what) == ("all", RATIO))
+    half = stats.t.ppf(0.975, 11) * error
+    assert ratio.value == pytest.approx(np.exp(estimate), abs=0.005)
+    assert np.log([ratio.ci_low, ratio.ci_high]) == pytest.approx(
+        [estimate - half, estimate + half], abs=0.02
+    )
 
 
 def test_a_curve_over_people_has_the_error_of_their_shares() -> None:
@@ -242,6 +334,16 @@ def test_figures_of_repeated_short_searches_can_be_read(require_legible) -> None
         require_legible(drawing.figure, PAGE)
         assert drawing.figure.axes[0].get_xlim()[1] < 5.0  # not the limit of 20 s
     assert "the first in the other are a pair" in " ".join(pairs_section(study).methods)
+
+
+@pytest.mark.parametrize("known", [False, True])
+def test_the_figure_of_times_has_brightness_factors_where_they_are_known(known: bool) -> None:
+    table = wrong_answers("anywhere")
+    drawing = evenlight.analyze(table if known else table.drop(columns="factor")).drawings[0]
+    words = [text.get_text() for text in drawing.figure.findobj(Text)]
+    assert ("brightness factor" in words) == ("0.60" in words) == known
+    assert any("brightens most" in own for own in words) == ("brightness" in drawing.caption) == known
+    assert "–" not in words
 
 
 @pytest.mark.slow

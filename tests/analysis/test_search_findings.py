@@ -162,6 +162,7 @@ def test_a_version_that_nobody_found_at_a_location_has_a_ratio_without_upper_end
     assert row.value is None
     assert row.ci_high is None
     assert "plus infinity" in row.flag
+    assert "it has no upper end" in row.flag
 
 
 def test_a_version_in_which_nothing_was_found_separates() -> None:
