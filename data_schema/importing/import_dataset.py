@@ -54,8 +54,8 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
     key_file = dataset.with_name(f"{dataset.name}.key.csv") if are_codes(ids) else None
     if key_file:
         told.append(
-            f"participant_id: codes {min(ids.values())} to {max(ids.values())}, as not all ids are letters "
-            f"and digits, and may be names; {key_file} says whose they are: keep it apart from the data"
+            f"participant_id: codes {min(ids.values())} to {max(ids.values())}, as an id needs a digit and "
+            f"no blanks, and else may be a name; {key_file} says whose they are: keep it apart from the data"
         )
     told += ["simulated: all rows say so"] if adopted else []
     scale = None
@@ -77,7 +77,8 @@ def import_dataset(request: ImportRequest, dataset: Path) -> list[str]:
     others = f" and {len(request.paths) - 1} more" if len(request.paths) > 1 else ""
     head = f"{table.path}{others}: {table.file_format}, {len(table.rows)} rows"
     if table.encodings:
-        head += f"; read as {' and '.join(table.encodings)}, as it is no UTF-8 (--encoding says otherwise)"
+        seen = "" if "encoding" in request.settings else ", as it is no UTF-8 (--encoding says otherwise)"
+        head += f"; read as {' and '.join(table.encodings)}{seen}"
     told += [f"title: {table.title}"] if table.title else []
     unknown = _unknown(request, [trial for _, trial in rows])
     source = sources[table.path]

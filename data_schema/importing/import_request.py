@@ -12,7 +12,7 @@ from typing import Any
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import unknown_key
-from evenlight.data_schema.quantities import count, file_key
+from evenlight.data_schema.quantities import count, described, file_key
 from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.storage.text_files import read_toml
 
@@ -46,6 +46,7 @@ UNITS = {
 RELATIVE_RATES = ("1/s", "%/s")
 # Rows for several trials: the column that counts an answer, of n_trials; the answer, and the other one.
 COUNTS = {"ramp": ("n_yes", "response", "yes", "no"), "comparison": ("n_ours", "chosen", "ours", "baseline")}
+BESIDE = {"ramp": ("n_yes", "n_correct", "n_trials", "correct"), "comparison": ("n_ours", "n_trials")}
 _Field = dataclasses.Field[Any]
 
 
@@ -77,10 +78,9 @@ class ImportRequest:
 
     @property
     def fields(self) -> dict[str, _Field]:
-        """The fields that a table may fill, by attribute and by file key: a trial's, and counts of trials."""
+        """The fields that a table may fill, by attribute and by file key: a trial's, and those beside it."""
         own = [each for each in dataclasses.fields(self.record) if each.name != "simulated"]
-        counts = (COUNTS[self.task][0], "n_trials") if self.task in COUNTS else ()
-        own += [each for each in dataclasses.fields(_Counted) if each.name in counts]
+        own += [each for each in dataclasses.fields(BesideTrials) if each.name in BESIDE.get(self.task, ())]
         return {each.name: each for each in own} | {file_key(each): each for each in own}
 
     @property
@@ -89,18 +89,25 @@ class ImportRequest:
         return self.task in COUNTS and COUNTS[self.task][0] in self.columns
 
     @property
+    def judged(self) -> bool:
+        """Whether the answer of a ramp follows from its interval, and whether it was correct."""
+        return "correct" in self.columns and "response" not in self.columns
+
+    @property
     def given(self) -> set[str]:
         """Our attributes that the table fills, in all of its rows or some."""
         named = (name for pattern in self.wide.values() for name in re.findall(r"\{(\w+)\}", pattern))
         in_patterns = (self.fields[name].name for name in named if name in self.fields)
-        answer = COUNTS[self.task][1:2] if self.counted else ()
+        answer = COUNTS[self.task][1:2] if self.counted or self.judged else ()
         return {*self.columns, *self.constants, *self.wide, *in_patterns, *answer}
 
 
 @dataclass(frozen=True, slots=True)
-class _Counted:
-    """Columns of a row that stands for several trials, beside those of a trial's record."""
+class BesideTrials:
+    """Columns that answers follow from, beside those of a trial's record."""
 
+    correct: bool = described("whether the interval with the ramp was named")
+    n_correct: int = count("trials with the right one of two intervals")
     n_yes: int = count("trials with the answer yes")
     n_ours: int = count("trials in which the modulated version was chosen")
     n_trials: int = count("trials that the row stands for", maximum=10000)

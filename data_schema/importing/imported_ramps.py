@@ -6,22 +6,48 @@ from typing import Any
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.importing.import_request import RELATIVE_RATES
+from evenlight.data_schema.importing.imported_order import Rows
 
 Values = dict[str, Any]  # by our attributes
 TOLERANCE = 0.02  # relative, of a measured luminance: about a luminance meter's accuracy (choice)
 
 
-def complete_ramp(values: Values, where: str, display: Display, relative: bool) -> Values:
-    """Return a ramp's values by our attributes with those that follow from others, at its place in a file.
+def complete_ramps(own: Rows) -> list[str]:
+    """Give ramps what follows from others of their values and from the display; return it in words.
 
     White at full factor has the display's peak luminance, and its factor is the share of that; a rate may be
-    relative to the initial luminance.
+    relative to the initial luminance, and its sign the direction; levels that are nearly one become one.
 
     Raises
     ------
     InputError
-        If it is brighter than the display, or rate and luminances contradict each other.
+        If no display is known; if many are brighter than it, or their rates contradict their luminances.
     """
+    display, relative = own.taken.display, own.taken.units.get("rate") in RELATIVE_RATES
+    place, given, told = own.table.place, own.taken.given, list[str]()
+    if display is None:
+        raise InputError(
+            f"{own.table.path}: ramps need --display, a preset's name or a file: a rate limit holds for "
+            "the display on which its ramps were shown, and for no other"
+        )
+    if any((values["rate"] or 0.0) < 0 for _, values in own.rows):
+        told.append("direction: by the sign of the rate")
+        for values in (values for _, values in own.rows if values["rate"]):
+            values["direction"] = "up" if values["rate"] > 0 else "down"
+            values["rate"] = abs(values["rate"])
+    own.rows = own.sound(own.rows, lambda row, each: _with_rate(each, place(row), display, relative))
+    merged = _merge_levels([values for _, values in own.rows])
+    own.rows = own.sound(own.rows, lambda row, each: _with_end(each, place(row), display))
+    told += [f"{name}: from the display" for name in ("initial_luminance", "factor") if name not in given]
+    told += [] if "screen" in given else ["screen: white"]
+    told += [] if "rate" in given else ["rate: from initial and final luminance, and duration"]
+    if merged:
+        told.append(f"level: {merged} luminances within {TOLERANCE:.0%} of others are one with them")
+    return told
+
+
+def _with_rate(values: Values, where: str, display: Display, relative: bool) -> Values:
     values["screen"] = screen = values["screen"] or "white"
     start, end, factor = values["initial_luminance"], values["final_luminance"], values["factor"]
     expected = None  # it is known of white only
@@ -71,7 +97,7 @@ def _complete_rate(values: Values, start: float, end: float | None, where: str, 
     values["rate"], values["is_catch"] = rate, rate == 0
 
 
-def end_ramp(values: Values, where: str, display: Display) -> Values:
+def _with_end(values: Values, where: str, display: Display) -> Values:
     """Return a ramp's values with its factor, and the luminance at its end, which the display must reach."""
     highest = display.peak_luminance + display.reflected_luminance
     if values["factor"] is None:
@@ -90,17 +116,7 @@ def end_ramp(values: Values, where: str, display: Display) -> Values:
     return values | {"final_luminance": end}
 
 
-def ramps_follow(given: set[str], merged: int) -> list[str]:
-    """Return what followed of ramps, in words: what was not given, and how many levels became others."""
-    follows = [f"{name}: from the display" for name in ("initial_luminance", "factor") if name not in given]
-    follows += [] if "screen" in given else ["screen: white"]
-    follows += [] if "rate" in given else ["rate: from initial and final luminance, and duration"]
-    if merged:
-        follows.append(f"level: {merged} luminances within {TOLERANCE:.0%} of others are one with them")
-    return follows
-
-
-def merge_levels(rows: list[Values]) -> int:
+def _merge_levels(rows: list[Values]) -> int:
     """Give luminances that are one level their mean; return how many others there were.
 
     Those of one screen and factor are, if they differ by at most `TOLERANCE`.

@@ -8,15 +8,9 @@ from collections.abc import Iterator
 from typing import Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.importing.import_request import COUNTS, RELATIVE_RATES, ImportRequest
+from evenlight.data_schema.importing.import_request import COUNTS, ImportRequest
 from evenlight.data_schema.importing.imported_order import Rows, put_in_order
-from evenlight.data_schema.importing.imported_ramps import (
-    Values,
-    complete_ramp,
-    end_ramp,
-    merge_levels,
-    ramps_follow,
-)
+from evenlight.data_schema.importing.imported_ramps import Values, complete_ramps
 from evenlight.data_schema.importing.source_cells import CellReader, Cells, missing_column, rows_of_cells
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.printed import first_few
@@ -77,7 +71,7 @@ def imported_trials(
         )
     unknown = {"search_time", *FOLLOWS.get(task, ()), *nullable_fields(record)}
     own.rows = own.sound(answered, lambda line, each: reader.values(each, line, unknown))
-    told = _completed(own)
+    told = _completed(own, reader.blanked)
     ids, ordered = put_in_order(own)
     told += ordered
     keys = {each.name: file_key(each) for each in dataclasses.fields(record)}
@@ -141,7 +135,7 @@ def _require_occurring(table: ForeignTable, taken: ImportRequest, cells: list[tu
 
 def _require_columns(table: ForeignTable, taken: ImportRequest) -> None:
     record, follows, needed = taken.record, FOLLOWS.get(taken.task, ()), NEEDED.get(taken.task, ())
-    if taken.counted and "ramp_interval" in taken.given:
+    if "n_correct" in taken.given or (taken.counted and "ramp_interval" in taken.given):
         raise InputError(
             f"{table.path}: counts do not tell which interval was answered in each trial of two intervals; "
             "give a row for each trial"
@@ -153,12 +147,14 @@ def _require_columns(table: ForeignTable, taken: ImportRequest) -> None:
             raise missing_column(table, taken, names)
 
 
-def _completed(own: Rows) -> list[str]:
+def _completed(own: Rows, blanked: set[tuple[str, Row]]) -> list[str]:
     """Fill in what follows of each row, and return it in words."""
     taken, place, told = own.taken, own.table.place, list[str]()
     if taken.counted:
         number, answer, yes, no = COUNTS[taken.task]
         told = [f"{answer}: {yes} in {number} of n_trials trials, {no} in the others"]
+    if taken.judged:
+        told = ["response: the interval of the ramp where it is correct, else the other"]
     if taken.task == "rating":
         column = taken.columns.get("rating", "rating")
         given = [(place(row, column), values["rating"]) for row, values in own.rows]
@@ -167,18 +163,9 @@ def _completed(own: Rows) -> list[str]:
     if taken.task == "comparison":
         own.rows = [(row, _with_interval(values)) for row, values in own.rows]
     if taken.task == "search":
-        told += _censored([values for _, values in own.rows])
+        told += _censored(own, blanked)
     if taken.task == "ramp":
-        display, relative = taken.display, taken.units.get("rate") in RELATIVE_RATES
-        if display is None:
-            raise InputError(
-                f"{own.table.path}: ramps need --display, a preset's name or a file: a rate limit holds for "
-                "the display on which its ramps were shown, and for no other"
-            )
-        own.rows = own.sound(own.rows, lambda row, each: complete_ramp(each, place(row), display, relative))
-        merged = merge_levels([values for _, values in own.rows])
-        own.rows = own.sound(own.rows, lambda row, each: end_ramp(each, place(row), display))
-        told += ramps_follow(taken.given, merged)
+        told += complete_ramps(own)
     return told
 
 
@@ -195,11 +182,39 @@ def _with_interval(values: Values) -> Values:
     return values
 
 
-def _censored(rows: list[Values]) -> Iterator[str]:
-    """Give what was not found the time limit for its time, unless it ended before: with a wrong answer."""
-    lost = [values for values in rows if not values["found"] and values["time_limit"] is not None]
-    for values in lost:
-        values["search_time"] = min(values["search_time"] or values["time_limit"], values["time_limit"])
-    if wrong := sum(values["search_time"] < values["time_limit"] for values in lost):
-        searches = f"{wrong} search{'es' * (wrong > 1)}"
-        yield f"found: {searches} without success ended before the time limit, with a wrong answer"
+def _censored(own: Rows, blanked: set[tuple[str, Row]]) -> Iterator[str]:
+    """Give what was not found the time limit for its time, unless it ended before, or may have."""
+    lost = [values for _, values in own.rows if not values["found"]]
+    wrong = sum((values["search_time"] or values["time_limit"]) < values["time_limit"] for values in lost)
+    limits, unknown, column = list[float](), list[Row](), own.taken.columns.get("search_time", "search_time")
+
+    def timed(row: Row, values: Values) -> Values:
+        time, limit = values["search_time"], values["time_limit"]
+        if time is None and values["found"]:
+            raise InputError(f"{own.table.place(row, column)}: found, but no search_time")
+        if time is None and (wrong or ("search_time", row) in blanked):
+            unknown.append(row)
+            return values
+        limits.extend([limit] * (time is None))
+        return values if values["found"] else values | {"search_time": min(time or limit, limit)}
+
+    own.rows = [each for each in own.sound(own.rows, timed) if each[1]["search_time"] is not None]
+    if not own.rows:
+        raise InputError(f"{own.table.path}: no row has a time in {column!r}, or a limit for it")
+    if wrong:
+        yield f"found: {_searches(wrong)} ended before the time limit, with a wrong answer"
+    if limits:
+        limit = f"the limit of {limits[0]:g} s" if len(set(limits)) == 1 else "their limits"
+        have = "has" if len(limits) == 1 else "have"
+        yield f"search_time: {_searches(len(limits))} {have} no time: taken as lasting to {limit}"
+    if unknown:
+        why = "others ended before the limit" if wrong else "--missing says that it is unknown"
+        lines = f"{own.table.counted}{'s' * (len(unknown) > 1)}"
+        yield (
+            f"search_time: left out {_searches(len(unknown))} and a time, as {why}; give the limit where "
+            f"they lasted to it ({lines} {first_few([row.beside(unknown[0]) for row in unknown])})"
+        )
+
+
+def _searches(number: int) -> str:
+    return f"{number} search{'es' * (number > 1)} without success"

@@ -14,24 +14,24 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.errors import InputError, shown, told_of_file
-from evenlight.data_schema.importing.import_request import COUNTS, UNITS, ImportRequest
+from evenlight.data_schema.importing.import_request import BESIDE, COUNTS, UNITS, BesideTrials, ImportRequest
 from evenlight.data_schema.mapping import type_hints
 from evenlight.data_schema.quantities import check_value, file_key
 from evenlight.data_schema.storage.foreign_tables import FILE_NAME, ForeignTable, Row
-from evenlight.data_schema.storage.tables import as_number, number_in
+from evenlight.data_schema.storage.tables import as_number, have_decimal_commas, number_in
 
 # Names that other programs give to columns of ours, in small letters; units are never guessed.
 ALSO_CALLED = {
     "participant_id": ("participant", "participant id", "participant_id", "subject", "subject_id"),
     "session_id": ("session", "session id", "session_id"),
     "found": ("correct", "accuracy"),
+    "correct": ("accuracy",),
     "n_yes": ("k",),
     "n_ours": ("k",),
     "n_trials": ("n",),
 }
 MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})  # in small letters; PsychoPy writes None
 TRUTHS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
-_COMMA_NUMBER, _POINT_NUMBER = re.compile(r"-?\d+,\d+"), re.compile(r"-?\d*\.\d+")
 Cells = dict[str, tuple[str, str]]  # text of a cell and the column it stands in, by our attribute
 
 
@@ -58,9 +58,16 @@ def taken_columns(table: ForeignTable, asked: ImportRequest) -> ImportRequest:
             found = _own_column(table, own, own.name in asked.units)
             columns |= {own.name: found} if found else {}
     number, answer, *_ = COUNTS.get(asked.task, ("", ""))
-    if number not in columns or answer in {*columns, *asked.constants, *asked.wide}:
-        guessed = {number, "n_trials"} - settled  # k and n are other things there
-        columns = {ours: theirs for ours, theirs in columns.items() if ours not in guessed}
+    told = {*columns, *asked.constants, *asked.wide}
+    guessed = {*BESIDE.get(asked.task, ())} if answer in told else set()  # k and n are other things there
+    guessed |= {"n_trials"} if number not in told else set()
+    guessed |= {"correct"} if "ramp_interval" not in told else set()
+    columns = {ours: theirs for ours, theirs in columns.items() if ours in settled or ours not in guessed}
+    if columns.get("n_yes", "").lower() == "k" and "n_yes" not in settled:
+        raise InputError(
+            f"{table.path}: are the answers in {columns['n_yes']!r} yes (--column n_yes=k), or right ones of "
+            "two intervals (then give a row for each trial: counts do not tell the intervals)?"
+        )
     for name in (*columns, *asked.wide):
         theirs, own = columns.get(name, ""), asked.fields[name]
         has_unit = own.metadata.get("unit", "1") == "1" or name in asked.units
@@ -133,11 +140,14 @@ def _refuse_unknown_versions(
             continue
         if tuple(match[name] for name in others) in known:
             name, text = choices[0], match[choices[0]]
-            said = taken.values.get(name, {}).values()
-            value = next((one for one in reversed(_words(kinds[name])) if one not in said), "VALUE")
+            if text in taken.settings.get("missing", ()):
+                continue
+            said = {*taken.values.get(name, {}).values(), *(each[name].lower() for each in found.values())}
+            value = next((one for one in reversed(_words(kinds[name])) if one not in said), "")
+            way = f"say it, as with --value {name}:{value}={text}, or " if value else ""
             raise InputError(
                 f"{table.path}: the column {column!r} is like --wide {ours}={taken.wide[ours]}, but what "
-                f"{text!r} means is not known; say it, as with --value {name}:{value}={text}"
+                f"{text!r} means is not known; {way}leave it out with --missing {text}"
             )
 
 
@@ -176,27 +186,28 @@ def missing_column(table: ForeignTable, taken: ImportRequest, names: tuple[str, 
 
 def _wide_hint(table: ForeignTable, taken: ImportRequest) -> str:
     """Return which option takes a table with a column for each answer; empty if it does not look like one."""
-    answer = {"rating": "rating", "search": "search_time"}.get(taken.task, "response")
-    parts = [found for name in table.columns if (found := re.fullmatch("(.+)[_. -](.+)", name))]
+    answer = {"rating": "rating", "search": "search_time"}.get(taken.task)
+    others = {name for name in table.columns if name.lower() not in taken.fields} - {*taken.columns.values()}
+    parts = [each for name in others if answer and (each := re.fullmatch("(.+)[_. -](.+)", name))]
     for place, pattern in ((2, "{sequence}_{version}"), (1, "{version}_{sequence}")):
-        others = Counter(part[3 - place] for part in parts)
-        versions = sorted({part[place] for part in parts if others[part[3 - place]] > 1})
-        if len(versions) == 2:
-            return (
-                f"; if each answer has a column, as of {' and '.join(versions)}, give --wide "
-                f"{answer}={pattern}, and --value version:ours=THEIRS"
-            )
+        stems: dict[str, set[str]] = {}
+        for part in parts:
+            stems.setdefault(part[3 - place], set()).add(part[place])
+        pairs = Counter(tuple(sorted(each)) for each in stems.values() if len(each) == 2)
+        for versions, times in pairs.most_common(1):
+            if times > 1:
+                return (
+                    f"; if each answer has a column, as of {' and '.join(versions)}, give --wide "
+                    f"{answer}={pattern}, and --value version:ours=THEIRS"
+                )
     return ""
 
 
 def _kinds(taken: ImportRequest) -> dict[str, type[Any]]:
     """Return the type of each of our columns, where its value is known."""
-    hints = {name: type_hints(taken.record).get(name, int) for name in taken.fields}
-    unions = (kind for kind in hints.values() if isinstance(kind, types.UnionType))
-    known = {
-        kind: next(part for part in typing.get_args(kind) if part is not types.NoneType) for kind in unions
-    }
-    return {name: known.get(kind, kind) for name, kind in hints.items()}
+    known = type_hints(BesideTrials) | type_hints(taken.record)
+    parts = {name: typing.get_args(known.get(name)) or (known.get(name, int),) for name in taken.fields}
+    return {name: next(kind for kind in each if kind is not types.NoneType) for name, each in parts.items()}
 
 
 def _words(kind: type[Any]) -> list[str]:
@@ -214,6 +225,7 @@ class CellReader:
         self._table, self._taken, self._fields, self._kinds = table, taken, taken.fields, _kinds(taken)
         self._given, self._units = taken.given, taken.units
         missing = taken.settings.get("missing", [])
+        self.blanked = set[tuple[str, Row]]()  # cells that have a text that stands for no value
         self._missing = MISSING | {as_number(text).lower() for text in missing}
         numeric = [name for name in taken.given if self._kinds[name] in (int, float)]
         numbers: dict[Path, set[str]] = {}
@@ -222,9 +234,7 @@ class CellReader:
         self.decimal_commas = {
             path
             for path, texts in numbers.items()
-            if table.may_have_decimal_commas
-            and any(_COMMA_NUMBER.fullmatch(text) for text in texts)
-            and not any(_POINT_NUMBER.fullmatch(text) for text in texts)
+            if table.may_have_decimal_commas and have_decimal_commas(texts)
         }
 
     def value(self, name: str, cells: Cells, line: Row) -> Any:
@@ -240,6 +250,7 @@ class CellReader:
         text, column = cells.get(name, ("", ""))
         kind, own, given = self._kinds[name], self._fields[name], self._taken.values.get(name, {})
         if as_number(text).lower() in self._missing:
+            self.blanked |= {(name, line)} if text.lower() not in MISSING else set()
             return None
         label = text if kind in (int, float) else self._table.labels.get(column, {}).get(text, text)
         numbers = {as_number(theirs): meant for theirs, meant in given.items()}
@@ -249,6 +260,8 @@ class CellReader:
             return None
         if known := [*TRUTHS] if kind is bool else _words(kind):
             if (word := as_number(text).lower()) not in known:
+                two = name == "response" and (self._taken.task != "ramp" or "ramp_interval" in self._given)
+                known = known[2:] if two else known  # yes and no are of one interval
                 wanted = "true or false" if kind is bool else f"one of {', '.join(map(repr, known))}"
                 raise InputError(
                     f"{where}: expected {wanted}, got {text!r}; say what stands for them, as with --value "
@@ -257,7 +270,9 @@ class CellReader:
             return TRUTHS[word] if kind is bool else word
         value = text if kind is str else self._number(name, text, line, where)
         try:
-            if not own.metadata.get("pattern"):  # names are made fit later
+            if name == "rate" and "direction" not in self._given:
+                check_value(own, abs(float(value)))  # the sign is the direction
+            elif not own.metadata.get("pattern"):  # names are made fit later
                 check_value(own, value)
         except ValueError as error:
             raise InputError(f"{where}: {told_of_file(error)}") from None
@@ -281,6 +296,10 @@ class CellReader:
 
     def answers(self, cells: Cells, line: Row) -> list[Cells]:
         """Return the cells of each trial that a row stands for: its own, or by its counts of answers."""
+        right = self.value("correct", cells, line) if self._taken.judged else None
+        if right is not None:
+            first = right == (self.value("ramp_interval", cells, line) == 1)
+            return [cells | {"response": ("first" if first else "second", cells["correct"][1])}]
         if not self._taken.counted:
             return [cells]
         name, answer, word, other = COUNTS[self._taken.task]
@@ -293,7 +312,7 @@ class CellReader:
         return [cells | {answer: (each, column)} for each in trials]
 
     def _number(self, name: str, text: str, line: Row, where: str) -> float:
-        number = number_in(text.replace(",", ".") if line.path in self.decimal_commas else text, where)
+        number = number_in(text, where, line.path in self.decimal_commas)
         unit = self._fields[name].metadata.get("unit", "1")
         number *= UNITS[unit][self._units[name]] if name in self._units else 1.0
         if self._kinds[name] is not int:

@@ -42,7 +42,8 @@ def binary_kind(content: bytes) -> str | None:
 def read_binary_table(path: Path, kind: str, sheet: str = "") -> dict[str, Any]:
     """Return `kind`, `rows` (number and cells), `names`, `labels` and `title` of a file's table.
 
-    Of a workbook it is the first sheet that is not empty, or that of a name, without the last three. Whole
+    Of a workbook it is the first sheet that is not empty, or that of a name, without the last three, but with
+    `others`, its other sheets. Whole
     numbers are texts without a point, dates and times as ISO 8601 writes them; what is missing, also by a
     user's definition, is empty.
 
@@ -80,7 +81,8 @@ def _workbook(path: str, sheet: str) -> dict[str, Any]:
         texts = (list(map(cell_text, row)) for row in cells)
         rows = [(number, row) for number, row in enumerate(texts, start=1) if any(row)]
         if rows and len(book.sheet_names) > 1:
-            return {"kind": f"workbook, sheet {name!r}", "rows": rows}
+            others = [each for each in book.sheet_names if each != name]
+            return {"kind": f"workbook, sheet {name!r}", "rows": rows, "others": others}
     return {"kind": "workbook", "rows": rows}
 
 

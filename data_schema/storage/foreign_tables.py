@@ -62,6 +62,8 @@ class ForeignTable:
         Those of its texts that are not UTF-8.
     title : str
         The file's own, as statistics programs keep it; empty without one.
+    other_sheets : str
+        Those of the workbook that were not read, and how to read them, in words; empty without any.
     """
 
     path: Path
@@ -72,6 +74,7 @@ class ForeignTable:
     labels: dict[str, dict[str, str]] = field(default_factory=dict)
     encodings: tuple[str, ...] = ()
     title: str = ""
+    other_sheets: str = ""
 
     @property
     def may_have_decimal_commas(self) -> bool:
@@ -87,7 +90,7 @@ class ForeignTable:
         below = {name: {cells.get(name) for _, cells in self.rows} for name in self.columns}
         data = any(_NUMBER.fullmatch(name) or name in below[name] for name in self.columns)
         hint = _IF_DATA if data else ""
-        return f"its columns are {', '.join(self.columns)}{hint}"
+        return f"its columns are {', '.join(self.columns)}{hint}{self.other_sheets}"
 
     def has(self, name: str) -> bool:
         """Return whether there is a column of a name, or one with which a path (`response.Q0`) begins."""
@@ -155,7 +158,12 @@ def read_foreign_tables(paths: Sequence[Path], settings: Mapping[str, Sequence[s
 
 def _read_table(path: Path, settings: Mapping[str, Sequence[str]]) -> ForeignTable:
     encoding, sheet, pattern = (settings.get(n, [""])[-1] for n in ("encoding", "sheet", "participant_from"))
-    table = _named_table(path, _read_sheet(path, encoding, sheet), list(settings.get("names", ())))
+    source = _read_sheet(path, encoding, sheet)
+    others = f"; other sheets are {', '.join(source.others)} (--sheet)" if source.others else ""
+    try:
+        table = replace(_named_table(path, source, list(settings.get("names", ()))), other_sheets=others)
+    except InputError as error:
+        raise InputError(f"{error}{others}") from None
     return _with_participant(table, pattern) if pattern else table
 
 
@@ -236,6 +244,7 @@ class _Sheet(NamedTuple):
     title: str | None = None
     counted: str = "row"
     encoding: str = "utf-8"
+    others: list[str] | None = None  # sheets
 
 
 def _csv_table(path: Path, text: str) -> _Sheet:

@@ -27,6 +27,7 @@ from evenlight.data_schema.storage.whole_files import write_whole
 
 Record = TypeVar("Record")
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][+-]?[0-9]+)?")
+_COMMA_NUMBER, _POINT_NUMBER = re.compile(r"-?(\d+|\d{1,3}(\.\d{3})+),\d+"), re.compile(r"-?\d*\.\d+")
 _WHOLE_NUMBER = re.compile("[+-]?[0-9]{1,19}")
 _DECIMAL_COMMA = re.compile(r"(?<=[0-9]),(?=[0-9]+(?:[eE][+-]?[0-9]+)?(?:[;\r\n]|$))")  # at the end of a cell
 _FORMULA = re.compile(r"'*[=+@\-\t\r]")  # where a cell begins so, spreadsheets compute it
@@ -180,10 +181,29 @@ def plain_cells(cls: type[Any], cells: Sequence[str]) -> dict[str, Any]:
     }
 
 
-def number_in(text: str, where: str) -> float:
-    """Return the number in a cell of a table: in digits, without "nan", "1_0" or others that Python takes."""
-    if _NUMBER.fullmatch(text.strip(" ")):
-        return float(text)
+def have_decimal_commas(texts: Collection[str]) -> bool:
+    """Return whether the numbers among texts have decimals after commas, and none after a point.
+
+    >>> have_decimal_commas(["0,5", "1.074,1"]), have_decimal_commas(["0,5", "0.5"])
+    (True, False)
+    """
+    commas = [_COMMA_NUMBER.fullmatch(text) for text in texts]
+    return any(commas) and not any(_POINT_NUMBER.fullmatch(text) for text in texts)
+
+
+def number_in(text: str, where: str, decimal_commas: bool = False) -> float:
+    """Return the number in a cell of a table: in digits, without "nan", "1_0" or others that Python takes.
+
+    Where decimals come after commas, thousands may come after points.
+
+    >>> number_in("1.074,1", "here", decimal_commas=True)
+    1074.1
+    """
+    plain = text
+    if decimal_commas:
+        plain = (text.replace(".", "") if _COMMA_NUMBER.fullmatch(text) else text).replace(",", ".")
+    if _NUMBER.fullmatch(plain.strip(" ")):
+        return float(plain)
     raise InputError(f"{where}: expected a number, got {shown(text)}")
 
 

@@ -124,7 +124,9 @@ COUNTED = [["participant", "initial_luminance_cd_m2", "rate_cd_m2_s", "duration_
 
 
 def test_counts_are_that_many_trials_in_an_unknown_order(imported, tmp_path) -> None:
-    outcome, trials = imported("table.tsv", COUNTED, "ramp")
+    outcome, _ = imported("table.tsv", COUNTED, "ramp")
+    assert "'k' yes (--column n_yes=k), or right ones of two intervals" in refusal(outcome, tmp_path)
+    outcome, trials = imported("table.tsv", COUNTED, "ramp", "--column", "n_yes=k")
     assert outcome.code == 0, outcome.err
     yes = [sum(t["response"] == "yes" for t in trials if t["rate_cd_m2_s"] == rate) for rate in (0.5, 2.0)]
     assert (len(trials), yes) == (20, [2, 9])
@@ -135,9 +137,11 @@ def test_counts_are_that_many_trials_in_an_unknown_order(imported, tmp_path) -> 
     assert [trial["chosen"] for trial in trials] == ["ours"] * 7 + ["baseline"]
     assert [trial["repetition"] for trial in trials] == list(range(1, 9))
     two = [[*row, interval] for row, interval in zip(COUNTED, ("ramp_interval", 1, 2), strict=True)]
-    outcome, _ = imported("table.tsv", two, "ramp")
-    assert "counts do not tell" in refusal(outcome, tmp_path)
-    outcome, _ = imported("table.tsv", [*COUNTED[:2], ["VP1", 50, 2, 5, 11, 10]], "ramp")
+    for table, name in ((two, "n_yes"), (COUNTED, "n_correct")):
+        outcome, _ = imported("table.tsv", table, "ramp", "--column", f"{name}=k")
+        assert "give a row for each trial" in refusal(outcome, tmp_path)
+    wrong = [*COUNTED[:2], ["VP1", 50, 2, 5, 11, 10]]
+    outcome, _ = imported("table.tsv", wrong, "ramp", "--column", "n_yes=k")
     assert "expected n_yes of n_trials, got 11 of 10" in refusal(outcome, tmp_path)
 
 

@@ -140,7 +140,9 @@ def test_searches_are_censored_at_the_limit_and_know_no_ring(importing) -> None:
 
 def test_an_answer_before_the_limit_without_success_is_a_wrong_one(importing) -> None:
     outcome, trials = importing(SEARCHES.replace("nein;30", "nein;12"), "search", *SEARCH_OPTIONS)
-    assert [t["search_time_s"] for t in trials] == [3.25, 30.0, 2.5, 12.0]
+    assert [t["search_time_s"] for t in trials] == [3.25, 2.5, 12.0]
+    assert "left out 1 search without success and a time, as others ended before the limit" in outcome.out
+    assert "they lasted to it (line 3)" in outcome.out
     assert "found: 1 search without success ended before the time limit, with a wrong answer" in outcome.out
 
 
