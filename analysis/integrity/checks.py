@@ -235,8 +235,8 @@ def no_threshold(table: pd.DataFrame, task: str) -> Concerns:
     """Tell why no threshold can be in the answers: yes to nothing, one rate at each level, or any answer."""
     ramps, to_nothing = table[table.counted], table.answer[~table.counted & ~table.two]
     rise = _rise(ramps)
-    if rise < FALLS:
-        return  # swapped keys, which say so
+    if min(rise, *(_rise(own) for _, own in ramps.groupby("participant"))) < FALLS:
+        return  # somebody's swapped keys, which say so
     if special.bdtrc(to_nothing.sum() - 1, len(to_nothing), 0.5) < LEVEL:
         nothing, something = (percent(answers.mean(), 0) for answers in (to_nothing, ramps.answer))
         words = (

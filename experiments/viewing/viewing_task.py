@@ -138,8 +138,9 @@ def pairs_in_order(
 ) -> list[list[tuple[str, tuple[Version, Version]]]]:
     """Return the sequences and their versions in the order of a participant, by repetition."""
     n, both = len(design.sequences), (Version.OURS, Version.BASELINE)
-    ours_first = drawn_halves(n, order_index, design.order_seed, design.repetitions)
-    rows = (drawn_row(n, order_index, design.order_seed, k + 1) for k in range(design.repetitions))
+    seed = getattr(design, "order_seed", 1)  # designs of tasks from elsewhere may have none
+    ours_first = drawn_halves(n, order_index, seed, design.repetitions)
+    rows = (drawn_row(n, order_index, seed, k + 1) for k in range(design.repetitions))
     return [
         [(design.sequences[k], both if first[k] else both[::-1]) for k in williams_row(n, row)]
         for first, row in zip(ours_first.tolist(), rows, strict=True)

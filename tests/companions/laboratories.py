@@ -45,16 +45,21 @@ class Laboratory:
         return out
 
     def kill_in_the_midst(self, name: str, *more: object) -> None:
-        """Let some trials begin, then end the process with SIGKILL at any moment of the next one."""
+        """Let some trials begin, then end the process with SIGKILL at any moment of the last of them.
+
+        The session has at least four: one more begins, which may be shorter than those before.
+        """
         begun = self.count(name)
         process = self.start(name, *more)
-        goal, end = begun + self._chance.randint(2, 4), time.monotonic() + 200
+        goal, end = begun + self._chance.randint(2, 3), time.monotonic() + 200
         first = math.inf  # when the first trial began
         while (count := self.count(name)) < goal and process.poll() is None and time.monotonic() < end:
             first = min(first, time.monotonic()) if count > begun else first
             time.sleep(0.005)
         a_trial = max(0.0, time.monotonic() - first) / (goal - begun - 1)  # as long as one takes here
-        time.sleep(self._chance.uniform(0.0, a_trial))
+        until = time.monotonic() + self._chance.uniform(0.0, a_trial)
+        while self.count(name) == goal and time.monotonic() < until:
+            time.sleep(0.005)
         process.send_signal(signal.SIGKILL)
         process.communicate(timeout=200)
         assert process.returncode == -signal.SIGKILL
