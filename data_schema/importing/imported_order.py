@@ -75,11 +75,12 @@ class Rows:
             groups.setdefault(tuple(row[1].get(name) for name in names), []).append(row)
         return groups
 
-    def require_different(self, names: tuple[str, ...], advice: str) -> None:
-        """Refuse rows that agree in some values."""
+    def require_different(self, names: tuple[str, ...], advice: str, what: str = "") -> None:
+        """Refuse rows that agree in some values, of which the last is known."""
         for key, (first, *others) in self.groups(*names).items():
-            if others:
-                same = ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True))
+            if others and key[-1] is not None:
+                own = ", ".join(f"{name} {value}" for name, value in zip(names, key, strict=True))
+                same = what or own
                 raise InputError(
                     f"{self.table.place(others[0][0])}: {same} is there already, in "
                     f"{self.table.counted} {first[0].beside(others[0][0])}{advice}"
@@ -172,7 +173,11 @@ def _repetitions(own: Rows, item: tuple[str, ...]) -> Iterator[str]:
     rows = [values for _, values in own.rows]
     items = [tuple(values.get(name) for name in item) for values in rows]
     if not timed and len(items) <= FEW_REPETITIONS * len(set(items)):
-        _refuse_copied_answers(own, item)
+        own.require_different(
+            (*(name for name in item if name != "session_id"), *ANSWER),
+            "; a copy? take it out, or name the column of repetitions (--column repetition=THEIRS)",
+            "the same item, answer and response time",
+        )
     numbers = repetitions(rows, item)
     if max(numbers) > 1:
         yield f"repetition: by {'trial_index' if numbered else 'the order of rows'}"
@@ -182,19 +187,6 @@ def _repetitions(own: Rows, item: tuple[str, ...]) -> Iterator[str]:
         yield "repetition: 1 in all rows, as most was answered once; further answers count as repeated rows"
     for values, number in zip(rows, numbers, strict=True):
         values["repetition"] = number
-
-
-def _refuse_copied_answers(own: Rows, item: tuple[str, ...]) -> None:
-    """Refuse a further answer that is an earlier one, in the measured time too."""
-    names = (*(name for name in item if name != "session_id"), *ANSWER)
-    for key, (first, *others) in own.groups(*names).items():
-        if others and key[-1] is not None:
-            line = others[0][0]
-            raise InputError(
-                f"{own.table.place(line)}: the same item, answer and response time as in "
-                f"{own.table.counted} {first[0].beside(line)}; a copy? take it out, or name the column of "
-                "repetitions (--column repetition=THEIRS)"
-            )
 
 
 def _refuse_copied_rows(own: Rows) -> None:

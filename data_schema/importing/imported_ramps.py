@@ -90,8 +90,11 @@ def _complete_rate(values: Values, start: float, end: float | None, where: str, 
                 f"{values['duration']:g} s is {steps:g}"
             )
         rate = steps if rate is None else rate
-        if "direction" not in values and rate:
-            values["direction"] = "up" if end > start else "down"
+        way = "up" if end > start else "down"
+        if rate and values.setdefault("direction", way) != way:
+            raise InputError(
+                f"{where}: direction is {values['direction']}, but {start:g} to {end:g} cd/m^2 is {way}"
+            )
     if rate is None:
         raise InputError(f"{where}: no rate, and no final_luminance that it would follow from")
     values["rate"], values["is_catch"] = rate, rate == 0

@@ -187,8 +187,9 @@ def missing_column(table: ForeignTable, taken: ImportRequest, names: tuple[str, 
 def _wide_hint(table: ForeignTable, taken: ImportRequest) -> str:
     """Return which option takes a table with a column for each answer; empty if it does not look like one."""
     answer = {"rating": "rating", "search": "search_time"}.get(taken.task)
-    others = {name for name in table.columns if name.lower() not in taken.fields} - {*taken.columns.values()}
-    parts = [each for name in others if answer and (each := re.fullmatch("(.+)[_. -](.+)", name))]
+    known = {*taken.fields, *map(str.lower, taken.columns.values())}
+    others = [name for name in table.columns if answer and name.lower() not in known]
+    parts = [found for name in others if (found := re.fullmatch("(.+)[_. -](.+)", name))]
     for place, pattern in ((2, "{sequence}_{version}"), (1, "{version}_{sequence}")):
         stems: dict[str, set[str]] = {}
         for part in parts:

@@ -159,6 +159,12 @@ def test_the_sign_of_a_rate_is_its_direction_where_no_column_says_it(importing) 
     assert "direction: by the sign of the rate" in outcome.out
 
 
+def test_a_direction_that_the_luminances_contradict_is_refused(importing, tmp_path) -> None:
+    text = "participant,initial_luminance_cd_m2,final_luminance_cd_m2,duration_s,direction,response\n"
+    outcome, _ = importing(text + "1,50,40,5,up,yes\n", "ramp", *ON)
+    assert refusal(outcome, tmp_path) == "table.csv, line 2: direction is up, but 50 to 40 cd/m^2 is down"
+
+
 def test_thousands_have_points_where_decimals_have_commas(importing, tmp_path) -> None:
     text = "participant;sequence;version;rating;response_time\n1;a;ours;3,5;1.074,1\n1;a;baseline;2,0;812,5\n"
     _, trials = importing(text, "rating", "--unit", "response_time=ms")

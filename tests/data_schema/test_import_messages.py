@@ -148,7 +148,7 @@ def test_a_row_copied_under_a_new_index_is_refused_with_both_lines(rated, tmp_pa
     outcome = rated(HEADER + ROWS + "a,5,gym,ours,4,2.5\n")
     assert outcome.code == 2
     assert "line 6: " in outcome.err
-    assert "as in line 2; a copy?" in outcome.err
+    assert "the same item, answer and response time is there already, in line 2; a copy?" in outcome.err
     assert not (tmp_path / "lab").exists()
 
 
