@@ -53,14 +53,16 @@ def taken_columns(table: ForeignTable, asked: ImportRequest) -> ImportRequest:
         if not table.has(theirs):
             raise InputError(f"{table.path}: no column {theirs!r}; {table.what_columns()}")
     settled = {*asked.columns, *asked.constants, *asked.wide, *columns}
-    for own in asked.fields.values():
-        if own.name not in settled:
+    number, answer, *_ = COUNTS.get(asked.task, ("", ""))
+    for (
+        own
+    ) in asked.fields.values():  # those beside a record come last; k and n are other things at an answer
+        beside = own.name in BESIDE.get(asked.task, ())
+        if own.name not in settled and not (beside and answer in {*columns, *settled}):
             found = _own_column(table, own, own.name in asked.units)
             columns |= {own.name: found} if found else {}
-    number, answer, *_ = COUNTS.get(asked.task, ("", ""))
     told = {*columns, *asked.constants, *asked.wide}
-    guessed = {*BESIDE.get(asked.task, ())} if answer in told else set()  # k and n are other things there
-    guessed |= {"n_trials"} if number not in told else set()
+    guessed = {"n_trials"} if number not in told else set()
     guessed |= {"correct"} if "ramp_interval" not in told else set()
     columns = {ours: theirs for ours, theirs in columns.items() if ours in settled or ours not in guessed}
     if columns.get("n_yes", "").lower() == "k" and "n_yes" not in settled:

@@ -146,9 +146,9 @@ def test_the_answer_of_two_intervals_follows_from_whether_it_is_correct(importin
 
 
 def test_an_answer_that_is_there_counts_and_not_whether_it_is_correct(importing) -> None:
-    text = RAMPED.replace("response{more}", "ramp_interval,correct,response") + "1,1,50,2,5,2,0,second\n"
-    _, trials = importing(text, "ramp", *ON)
-    assert [t["response"] for t in trials] == ["second"]
+    text = RAMPED.replace("response{more}", "ramp_interval,correct,accuracy,k,response")
+    outcome, trials = importing(text + "1,1,50,2,5,2,0,0,3,second\n", "ramp", *ON)
+    assert [t["response"] for t in trials] == ["second"], outcome.err
 
 
 def test_the_sign_of_a_rate_is_its_direction_where_no_column_says_it(importing) -> None:
