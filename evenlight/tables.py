@@ -25,6 +25,7 @@ from evenlight.data_schema.importing.imported_order import ITEMS
 from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping, type_hints
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
+from evenlight.data_schema.recordings.ramp_values import with_end
 from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, scale_of
 from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.recordings.viewing import repetitions
@@ -251,17 +252,18 @@ def _ramp_row(row: dict[str, Any], display: Display, number: int) -> dict[str, A
     answer, direction = row["response"], row.get("direction", "down")
     if answer in ("first", "second") and "ramp_interval" not in row:
         raise InputError(f"{where}: response is {answer!r} but there is no ramp_interval, 1 or 2")
-    way = 1.0 if direction == "up" else -1.0
+    values = {"initial_luminance": luminance, "factor": None, "rate": rate, "duration": duration}
+    ramp = with_end(values | {"direction": direction}, where, display)
     derived = {
         "screen": "white",
-        "factor": min(luminance / display.peak_luminance, 1.0),
+        "factor": ramp["factor"],
         "initial_luminance_cd_m2": luminance,
-        "final_luminance_cd_m2": luminance + way * rate * duration,
+        "final_luminance_cd_m2": ramp["final_luminance"],
         "duration_s": duration,
         "is_catch": rate == 0,
         "procedure": "two_interval" if "ramp_interval" in row else "yes_no",
     }
-    return derived | row | {"response": ANSWERS.get(answer, answer), "rate_cd_m2_s": rate}
+    return derived | row | {"response": ANSWERS.get(answer, answer), "rate_cd_m2_s": ramp["rate"]}
 
 
 def _task_of(columns: set[str]) -> str:

@@ -10,11 +10,12 @@ from typing import Any
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.importing.import_request import COUNTS, ImportRequest
 from evenlight.data_schema.importing.imported_order import Rows, put_in_order
-from evenlight.data_schema.importing.imported_ramps import Values, complete_ramps
+from evenlight.data_schema.importing.imported_ramps import complete_ramps
 from evenlight.data_schema.importing.source_cells import CellReader, Cells, missing_column, rows_of_cells
 from evenlight.data_schema.mapping import nullable_fields, record_from_mapping
 from evenlight.data_schema.printed import first_few
 from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.recordings.ramp_values import Values
 from evenlight.data_schema.recordings.rating_scale import RatingScale, scale_for
 from evenlight.data_schema.storage.foreign_tables import ForeignTable, Row
 from evenlight.data_schema.storage.tables import as_number

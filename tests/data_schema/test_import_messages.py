@@ -84,7 +84,7 @@ def test_ratings_that_cannot_be_read_are_refused_in_one_line(importing, tmp_path
          'which its ramps were shown, and for no other'),
         (RAMPS.replace("20.9", "209").replace("52.3", "523"), (*RAMP_OPTIONS, "--display", "varjo-xr3"),
          ", line 3: initial_luminance is 523 cd/m^2, but the display 'varjo-xr3' shows 0 to 104.4; "
-         'give that of the ramps with --display (and 1 other row)'),
+         'give the display of the ramps (and 1 other row)'),
     ],
 )  # fmt: skip
 def test_searches_and_ramps_that_cannot_be_read_are_refused_too(importing, tmp_path, text, options, message):
