@@ -129,7 +129,7 @@ def test_a_participant_who_sees_everything_counts_and_is_named(
     trials.write_text("".join(json.dumps(line) + "\n" for line in ramps))
     result = command("fit", changed, "--out", tmp_path / "out", "--quiet")
     assert result.code == 0
-    (told,) = [line for line in result.err.splitlines() if "are alike" in line]
+    (told,) = [line for line in result.err.splitlines() if "are all alike" in line]
     assert "02" in told
     summary = json.loads((tmp_path / "out" / "fit_summary.json").read_text())
     assert summary["excluded_participants"] == {}
