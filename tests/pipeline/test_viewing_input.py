@@ -4,6 +4,7 @@ import contextlib
 import dataclasses
 import json
 import os
+import re
 import shutil
 import time
 from collections.abc import Callable
@@ -284,7 +285,8 @@ def test_a_video_that_breaks_in_mid_session_ends_it_with_one_line_and_keeps_what
     os.truncate(video, len(whole) // 2)  # at once: a file that is written again is empty for a moment
     _, err = session.communicate(timeout=200)
     assert (session.returncode, err.count("\n")) == (2, 1)
-    assert "video.mkv is damaged" in err
+    # It was cut while it was shown, or before it was opened for the next trial of it.
+    assert re.search(r"video\.mkv( is damaged|: it ends at byte \d+ of \d+)", err)
     answered = trials.read_text()
     assert 3 <= count(trials) < 12
     assert '"stopped"' in trials.with_name("events.jsonl").read_text()
