@@ -44,9 +44,8 @@ MOST_WORK = 2e8  # of an exact test between groups, n² Σ |score|: half a secon
 ANOTHER = "another method than that of p: they may disagree"
 
 Contrast = tuple[Effect, int]  # between the two orders [rating points], with its p; and of how many people
-Seen = Mapping[
-    tuple[str, str, int], tuple[bool, Fraction]
-]  # participant, sequence, repetition: ours first, value
+# Of participant, sequence and repetition: whether ours came first, and a value.
+Seen = Mapping[tuple[str, str, int], tuple[bool, Fraction]]
 
 
 def describe_order(ratings: Ratings, rng: np.random.Generator) -> Section:

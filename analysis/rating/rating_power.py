@@ -15,10 +15,8 @@ from evenlight.analysis.inference.exact_tests import sign_flip_p_values
 from evenlight.data_schema.arrays import Array
 
 LARGEST = 4  # difference of two ratings of 1 to 5
-FINEST, LATTICE = (
-    0.25,
-    16,
-)  # steps [points] and their number up to the largest difference: finer is only slower
+# Steps [points], and their number up to the largest difference: finer is only slower.
+FINEST, LATTICE = 0.25, 16
 TOLERANCE = 0.01  # [points], and a 400th of the largest difference
 ALPHA, POWER = 0.05, 0.8
 

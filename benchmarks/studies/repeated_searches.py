@@ -15,7 +15,7 @@ import numpy as np
 from made_searches import SearchTruth, made_locations
 from numpy.typing import NDArray
 from scipy import optimize, stats
-from search_level import BOTH, LOCATIONS, Told, told
+from search_level import BOTH, LOCATIONS, Told, levels, print_levels, told
 from studies import Mapped, run_study
 
 from evenlight.analysis.inference.survival_curves import kaplan_meier
@@ -200,29 +200,12 @@ def true_cell(truth: RepeatedTruth) -> tuple[float, float]:
     return (1 - truth.wrong) * ended(float(np.log(truth.time_limit))), median
 
 
-def study(
-    truth: RepeatedTruth, asked: tuple[str, ...], experiments: int, seed: int = SEED, mapped: Mapped = map
-) -> dict[str, tuple[float, float]]:
-    """Return for each question how often p was at most 5 %, and how often the interval held the truth."""
-    seeds = [(seed, number) for number in range(experiments)]
-    every = [*mapped(functools.partial(answers, truth, asked=asked), seeds)]
-    return {
-        name: (
-            float(np.mean([one[name].rejected for one in every])),
-            float(np.mean([bool(one[name].held) for one in every])),
-        )
-        for name in asked
-    }
+study = functools.partial(levels, answers, seed=SEED)
 
 
 def main(experiments: int, mapped: Mapped = map) -> None:
     """Print the table."""
-    error = np.sqrt(0.05 * 0.95 / experiments)
-    print(f"{experiments} experiments; standard error of 5 %: {100 * error:.1f} %")
-    print("| truth | of what | p <= 5 % | interval holds it |\n|---|---|---|---|")
-    for scenario, (truth, asked) in SCENARIOS.items():
-        for name, (rejected, held) in study(truth, asked, experiments, mapped=mapped).items():
-            print(f"| {scenario} | {name} | {100 * rejected:.1f} % | {100 * held:.1f} % |", flush=True)
+    print_levels(study, SCENARIOS, experiments, mapped)
 
 
 if __name__ == "__main__":

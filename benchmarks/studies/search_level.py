@@ -7,8 +7,9 @@ locations. 500 take about half an hour of one core. The tables of docs/decisions
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from made_searches import SearchTruth, made_table
@@ -162,8 +163,9 @@ def experiment(truth: SearchTruth, seed: tuple[int, int], asked: tuple[str, ...]
     return {name: found[name] for name in asked}
 
 
-def study(
-    truth: SearchTruth,
+def levels(
+    run: Callable[..., dict[str, Told]],
+    truth: Any,
     asked: tuple[str, ...],
     experiments: int,
     seed: int = SEED,
@@ -171,7 +173,7 @@ def study(
 ) -> dict[str, tuple[float, float]]:
     """Return for each question how often p was at most 5 %, and how often the interval held the truth."""
     seeds = [(seed, number) for number in range(experiments)]
-    every = [*mapped(functools.partial(experiment, truth, asked=asked), seeds)]
+    every = [*mapped(functools.partial(run, truth, asked=asked), seeds)]
     return {
         name: (
             float(np.mean([one[name].rejected for one in every])),
@@ -181,14 +183,27 @@ def study(
     }
 
 
-def main(experiments: int, mapped: Mapped = map) -> None:
-    """Print the table."""
+study = functools.partial(levels, experiment)
+
+
+def print_levels(
+    study: Callable[..., dict[str, tuple[float, float]]],
+    scenarios: Mapping[str, Any],
+    experiments: int,
+    mapped: Mapped,
+) -> None:
+    """Print the table of some scenarios, each of a truth and what is asked."""
     error = np.sqrt(0.05 * 0.95 / experiments)
     print(f"{experiments} experiments; standard error of 5 %: {100 * error:.1f} %")
     print("| truth | of what | p <= 5 % | interval holds it |\n|---|---|---|---|")
-    for scenario, (truth, asked) in SCENARIOS.items():
+    for scenario, (truth, asked) in scenarios.items():
         for name, (rejected, held) in study(truth, asked, experiments, mapped=mapped).items():
             print(f"| {scenario} | {name} | {100 * rejected:.1f} % | {100 * held:.1f} % |", flush=True)
+
+
+def main(experiments: int, mapped: Mapped = map) -> None:
+    """Print the table."""
+    print_levels(study, SCENARIOS, experiments, mapped)
 
 
 if __name__ == "__main__":

@@ -54,9 +54,8 @@ def taken_columns(table: ForeignTable, asked: ImportRequest) -> ImportRequest:
             raise InputError(f"{table.path}: no column {theirs!r}; {table.what_columns()}")
     settled = {*asked.columns, *asked.constants, *asked.wide, *columns}
     number, answer, *_ = COUNTS.get(asked.task, ("", ""))
-    for (
-        own
-    ) in asked.fields.values():  # those beside a record come last; k and n are other things at an answer
+    # Fields beside a record come last: where there is an answer, k and n are other things.
+    for own in asked.fields.values():
         beside = own.name in BESIDE.get(asked.task, ())
         if own.name not in settled and not (beside and answer in {*columns, *settled}):
             found = _own_column(table, own, own.name in asked.units)
