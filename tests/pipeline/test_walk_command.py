@@ -4,8 +4,6 @@ import csv
 import json
 import os
 import re
-import signal
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -24,6 +22,22 @@ from evenlight.stimuli.scenes.content.catalogue import path_named
 from evenlight.stimuli.sequences import open_video
 
 SPEED = 1.4  # [m/s] of somebody who walks straight on
+# Walks, and presses Ctrl-C after the fifth refresh.
+INTERRUPTED = """
+import itertools, os, signal, sys
+from evenlight import command
+from evenlight.experiments.playback import walk
+
+shown, usual = itertools.count(1), walk.moved
+
+def moved(*given):
+    if next(shown) == 5:
+        os.kill(os.getpid(), signal.SIGINT)
+    return usual(*given)
+
+walk.moved = moved
+command.main(sys.argv[1:])
+"""
 
 
 def test_the_way_of_a_walk_is_recorded_and_renders_as_a_video(
@@ -131,21 +145,17 @@ def test_a_walk_without_a_controller_logs_its_frames_and_is_seen_at_true_size_wi
 def test_what_was_walked_until_an_interruption_is_kept(
     virtual_screen: Callable[[], str], tmp_path: Path
 ) -> None:
-    way, log, seen = tmp_path / "way.json", tmp_path / "log", tmp_path / "seen"
+    way, log, script = tmp_path / "way.json", tmp_path / "log", tmp_path / "interrupted.py"
+    script.write_text(INTERRUPTED)
     words = ["walk", "house", "--simulate", "--seconds", "1e5", "--size", "64x36"]
     words += ["--target-loss", "0.5", "--budget", "0.5", "--record", str(way), "--out", str(log)]
-    run = Run([*words, "--screenshots", str(seen)], os.environ | {"DISPLAY": virtual_screen()})
-    end = time.monotonic() + 200
-    while run.poll() is None and not any(seen.glob("*.png")) and time.monotonic() < end:
-        time.sleep(0.01)
-    time.sleep(1.0)  # some refreshes more: the picture was saved before the first appeared
-    run.send_signal(signal.SIGINT)
-    out, err = run.communicate(timeout=200)
+    run = Run(words, os.environ | {"DISPLAY": virtual_screen()}, script)
+    out, err = run.communicate(timeout=280)
     assert (run.returncode, out, err.count("\n")) == (130, "", 1)
     assert re.match("evenlight: interrupted; house: .* in .* s, .*; the way is in .*; the log is in ", err)
     rows = read_rows(LiveRefresh, log / "live_control.csv")
     kept = read_json_record(LiveControl, log / "live_control.json")
-    assert len(rows) > 1
+    assert len(rows) >= 5
     assert (kept.budget, kept.max_rate_ratio <= 1) == (0.5, True)
     assert path_named(str(way)).duration == pytest.approx(rows[-1].flip_time, abs=0.02)
 
