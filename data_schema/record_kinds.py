@@ -37,6 +37,7 @@ from evenlight.data_schema.recordings.played_power import (
 )
 from evenlight.data_schema.recordings.rig import Rig
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS, TASKS, SessionEvent, SessionManifest
+from evenlight.data_schema.recordings.study import Study
 from evenlight.data_schema.recordings.sweep import (
     LuminanceReading,
     LuminanceSweepDesign,
@@ -154,6 +155,7 @@ KINDS = (
         "request.toml *.request.toml",
         "`evenlight optimize`, `control`, `catalogue`, `judge`, `fit`, `analyze`",
     ),
+    RecordKind(Study, _TOML, "study.toml *.study.toml", "`evenlight new study`, and an experimenter"),
     RecordKind(SessionManifest, _JSON, "manifest.json", "an experiment, or `evenlight import`"),
     *_designs(BUILT_IN_TASKS),
     *_trials(BUILT_IN_TASKS),

@@ -21,7 +21,7 @@ DISTANCES = {"laptop-lcd": 0.5, "phone-oled": 0.35}  # [m] at which these have t
 
 @new.callback()
 def begin(context: typer.Context) -> None:
-    """Write files that describe your display and rig, to fill in."""
+    """Write files that describe your rig, display and study, to fill in."""
     if context.invoked_subcommand is None:
         typer.echo(context.get_help())
 
@@ -70,6 +70,25 @@ def rig(
         "--simulate data --out rehearsal\n"
         f"before people take part: measure the display, and write when into {beside} (measured)"
     )
+
+
+@new.command()
+def study(
+    dataset: Annotated[Path, typer.Argument(help="The data set's folder, which is made if there is none.")],
+    quiet: QuietOption = False,
+) -> None:
+    """Write study.toml into a data set: whose it is, under which licence and approval; exports carry it."""
+    from evenlight.data_schema.recordings.dataset_layout import STUDY
+    from evenlight.data_schema.recordings.study import blank_study
+    from evenlight.data_schema.storage.whole_files import make_folder, write_whole
+
+    file = dataset / STUDY
+    if file.exists():
+        raise InputError(f"{file}: is there already; fill it in, or move it away")
+    make_folder(dataset, 0o700)
+    write_whole(file, blank_study())
+    if not quiet:
+        typer.echo(f"{file}: fill in authors, licence and ethics; what stays blank no export tells")
 
 
 def _require_unmeasured(display: Path) -> None:

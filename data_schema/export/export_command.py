@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -27,8 +28,10 @@ def export(
     quiet: QuietOption = False,
 ) -> None:
     """Check a data set, and write it in a standard layout (Psych-DS, BIDS) to share it."""
-    from evenlight.data_schema.export.exporting import export_bids, export_psych_ds
+    from evenlight.data_schema.export.exporting import export_bids, export_psych_ds, notes_on_study
 
     tables = (export_psych_ds if to is DatasetStandard.PSYCH_DS else export_bids)(dataset, out)
+    for note in notes_on_study(dataset):
+        print(f"evenlight: note: {note}", file=sys.stderr)
     if not quiet:
         typer.echo(f"{tables} table{'' if tables == 1 else 's'} of trials in {out}, laid out as {to.value}")

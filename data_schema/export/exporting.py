@@ -12,13 +12,14 @@ vocabulary with every column under `variableMeasured`, and tables named by key a
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
 from evenlight.data_schema.checking.dataset_checks import personal_columns
 from evenlight.data_schema.checking.validation import validate
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.recordings.dataset_layout import (
     BEHAVIOUR_FOLDER,
     DESCRIPTION,
@@ -30,6 +31,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     PARTICIPANTS,
     READINGS,
     SIMULATED_TRUTH,
+    STUDY,
     SWEEP_MANIFEST,
     SWEEPS,
     TRIALS,
@@ -38,6 +40,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
 from evenlight.data_schema.recordings.dataset_writing import MISSING
 from evenlight.data_schema.recordings.roll_call import call_roll, leads_out
 from evenlight.data_schema.recordings.session import SessionStatus
+from evenlight.data_schema.recordings.study import spdx_name, study_of
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.result_folders import new_folder
 from evenlight.data_schema.storage.tables import cell_words, csv_text
@@ -116,9 +119,32 @@ def export_bids(dataset: Path, folder: Path) -> int:
     lines = read_text(ignored, "what BIDS is to ignore").split("\n") if ignored in files else []
     with new_folder(folder, THERE.format(folder)) as staging:
         copy_files(files, dataset, staging)
+        write_json(staging / DESCRIPTION, description_of(dataset))
         patterns = dict.fromkeys((*filter(None, lines), *NOT_OF_BIDS))
         write_whole(staging / IGNORED, "".join(f"{pattern}\n" for pattern in patterns))
     return len(tables_in(files))
+
+
+STUDY_KEYS = {"authors": "Authors", "licence": "License", "ethics": "EthicsApprovals"}  # names of BIDS
+
+
+def description_of(dataset: Path) -> dict[str, Any]:
+    """Return the description of a data set, with authors, licence and ethics as its `study.toml` has them."""
+    told = mapping_from_record(study_of(dataset))
+    told["licence"] = spdx_name(told["licence"]) or told["licence"]
+    description: dict[str, Any] = read_json(dataset / DESCRIPTION, "the description of a data set")
+    return description | {STUDY_KEYS[key]: value for key, value in told.items() if value}
+
+
+def notes_on_study(dataset: Path) -> Iterator[str]:
+    """Yield what is to be said of authors, licence and ethics: what is blank, a licence that SPDX lacks."""
+    description, file = description_of(dataset), dataset / STUDY
+    if blanks := [key for key, name in STUDY_KEYS.items() if not description.get(name)]:
+        how = "fill it in" if file.exists() else f"`evenlight new study {dataset}` writes it, to fill in"
+        yield f"{file}: no {', '.join(blanks)} told, and so none by the export; {how}"
+    licence = description.get("License", "")
+    if licence and not spdx_name(licence):
+        yield f"{file}: SPDX knows no licence {licence!r}; it is told as given"
 
 
 def exported_files(dataset: Path, folder: Path) -> list[Path]:
@@ -221,7 +247,7 @@ def export_psych_ds(dataset: Path, folder: Path) -> int:
     files = exported_files(dataset, folder)
     tables = {psych_ds_name(table.name): table for table in tables_in(files)}
     tables[PARTICIPANT_TABLE] = dataset / PARTICIPANTS
-    description = read_json(dataset / DESCRIPTION, "the description of a data set")
+    description = description_of(dataset)
     others = {dataset / name for name in (DESCRIPTION, README, IGNORED)}
     variables: dict[str, dict[str, Any]] = {}
     with new_folder(folder, THERE.format(folder)) as staging:
@@ -269,13 +295,21 @@ def _variable(name: str, entry: dict[str, Any]) -> dict[str, Any]:
 def _description(bids: dict[str, Any], variables: Iterable[dict[str, Any]]) -> dict[str, Any]:
     simulated = bool(bids.get("Simulated"))
     who = "Simulated participants: no person took part." if simulated else "Recorded with participants."
+    about = "Sessions on temporal brightness management, one row per trial."
+    approved = (f"Ethics approval: {approval}." for approval in bids.get("EthicsApprovals", ()))
+    licence = bids.get("License", "")
+    known = {
+        "author": [{"@type": "Person", "name": name} for name in bids.get("Authors", ())],
+        "license": f"https://spdx.org/licenses/{licence}" if spdx_name(licence) == licence else licence,
+    }
     return {
         "@context": "https://schema.org/",
         "@type": "Dataset",
         "schemaVersion": "Psych-DS 1.5.0",
         "name": bids.get("Name", "Evenlight sessions"),
-        "description": f"Sessions on temporal brightness management, one row per trial. {who}",
+        "description": " ".join([about, who, *approved]),
         "variableMeasured": list(variables),
         "keywords": ["psychophysics", "luminance", "brightness", "temporal brightness management"],
         "missingValueCodes": [MISSING],
+        **{key: value for key, value in known.items() if value},
     }

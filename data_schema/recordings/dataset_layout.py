@@ -8,6 +8,7 @@ from evenlight.data_schema.errors import InputError
 
 DESCRIPTION = "dataset_description.json"
 PARTICIPANTS = "participants.tsv"
+STUDY = "study.toml"
 MANIFEST = "manifest.json"
 TRIALS = "trials.jsonl"
 FRAMES = "frames.jsonl"
@@ -24,6 +25,7 @@ READINGS = "readings.jsonl"
 NOT_OF_BIDS = (
     *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS, LOCK)),
     SIMULATED_TRUTH,
+    STUDY,
     SWEEPS,
 )
 # What a played video's power is measured on.

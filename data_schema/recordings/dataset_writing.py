@@ -22,6 +22,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     MANIFEST,
     NOT_OF_BIDS,
     PARTICIPANTS,
+    STUDY,
     SWEEPS,
     TRIALS,
     behaviour_file,
@@ -122,7 +123,7 @@ def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterato
     lock = held_lock(dataset / DATASET_LOCK, busy, LONGEST_WAIT)
     try:
         if not (dataset / DESCRIPTION).exists():
-            begun = (DATASET_LOCK, PARTIAL.format(DESCRIPTION), LOCKED.format(DESCRIPTION))
+            begun = (STUDY, DATASET_LOCK, PARTIAL.format(DESCRIPTION), LOCKED.format(DESCRIPTION))
             if any(path.name not in begun for path in dataset.iterdir()):
                 raise InputError(
                     f"{dataset}: holds other things than a data set; give a new or empty folder as `out`"

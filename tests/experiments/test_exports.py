@@ -185,6 +185,62 @@ def test_psych_ds_has_every_column_described_and_every_file_named_by_the_rules(
     assert "no person took part" in description["description"]
 
 
+@pytest.mark.parametrize(
+    ("licence", "named", "url"),
+    [
+        ("cc-by-4.0", "CC-BY-4.0", "https://spdx.org/licenses/CC-BY-4.0"),
+        ("ask us first", "ask us first", "ask us first"),
+    ],
+)
+def test_authors_licence_and_ethics_of_a_new_study_reach_both_exports(
+    lab: Path, tmp_path: Path, command: Run, licence: str, named: str, url: str
+) -> None:
+    ethics = "Ethics board, Example University, 2026-17"
+    refused = command("new", "study", lab), command("new", "study", lab)
+    assert [(one.code, one.err.count("\n")) for one in refused] == [(0, 0), (2, 1)]
+    text = (lab / "study.toml").read_text()
+    for key, value in (("authors", ["A. Reed", "Ö. Meyer"]), ("licence", licence), ("ethics", [ethics])):
+        text, filled = re.subn(rf"(?m)^{key} = .*$", f"{key} = {json.dumps(value, ensure_ascii=False)}", text)
+        assert filled == 1, key
+    (lab / "study.toml").write_text(text, encoding="utf-8")
+    assert command("validate", lab).code == 0
+    told = {}
+    for to in ("bids", "psych-ds"):
+        ended = command("export", lab, "--to", to, "--out", tmp_path / to)
+        assert (ended.code, f"SPDX knows no licence {licence!r}" in ended.err) == (0, licence == named)
+        assert command("validate", tmp_path / to, "--quiet").code == 0
+        told[to] = json.loads((tmp_path / to / "dataset_description.json").read_text())
+    assert errors_of(tmp_path / "bids") == errors_of(lab) == []
+    keys = ("Authors", "License", "EthicsApprovals")
+    assert [told["bids"][key] for key in keys] == [["A. Reed", "Ö. Meyer"], named, [ethics]]
+    assert [person["name"] for person in told["psych-ds"]["author"]] == ["A. Reed", "Ö. Meyer"]
+    assert told["psych-ds"]["license"] == url
+    assert ethics in told["psych-ds"]["description"]
+
+
+def test_what_a_study_does_not_say_is_told_and_not_made_up(lab: Path, tmp_path: Path, command: Run) -> None:
+    """A data set of an earlier version has no study.toml; another has one that is not filled in."""
+    without = command("export", lab, "--to", "bids", "--out", tmp_path / "without")
+    assert "no authors, licence, ethics told" in without.err
+    assert f"evenlight new study {lab}" in without.err
+    assert command("new", "study", lab).code == 0
+    blank = command("export", lab, "--out", tmp_path / "blank")
+    assert "no authors, licence, ethics told" in blank.err
+    for folder in ("without", "blank"):
+        told = json.loads((tmp_path / folder / "dataset_description.json").read_text())
+        assert not {"Authors", "License", "EthicsApprovals", "author", "license"} & set(told)
+    (lab / "study.toml").write_text("authors = 3\n")
+    refused = command("export", lab, "--out", tmp_path / "refused")
+    assert (refused.code, refused.err.count("\n"), (tmp_path / "refused").exists()) == (2, 1, False)
+
+
+def test_a_study_is_there_before_its_first_session(tmp_path: Path, command: Run) -> None:
+    assert command("new", "study", tmp_path / "lab").code == 0
+    words = ("--participant", "01", "--session", "01", "--rig", "simulated", "--design", "quick", "--quiet")
+    ran = command("run", "ramp", *words, "--simulate", "data", "--out", tmp_path / "lab")
+    assert ran.code == 0, ran.err
+
+
 def test_psych_ds_lists_the_files_beside_data_that_it_does_not_define(
     lab: Path, tmp_path: Path, command: Run
 ) -> None:

@@ -1,0 +1,59 @@
+"""Whose a data set is, and by whose leave: `study.toml`, which `evenlight new study` writes to fill in."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from pathlib import Path
+
+from evenlight.data_schema.quantities import described, file_key, record
+from evenlight.data_schema.recordings.dataset_layout import STUDY
+from evenlight.data_schema.storage.text_files import read_toml_record
+
+
+@record
+class Study:
+    """Authors, licence and ethics of a data set, as its exports carry them."""
+
+    authors: tuple[str, ...] = described(
+        'authors of the data, in the order in which they are to be cited: ["A. Reed", "B. Meyer"]', default=()
+    )
+    licence: str = described(
+        'licence of the data by its SPDX name (https://spdx.org/licenses): "CC0-1.0", "CC-BY-4.0"', default=""
+    )
+    ethics: tuple[str, ...] = described(
+        'approvals: committee, number and date of each: ["Ethics board, Example University, 2026-17"]',
+        default=(),
+    )
+
+
+def spdx_name(licence: str) -> str | None:
+    """Return a licence as SPDX writes it, or None if SPDX has none of that name.
+
+    >>> spdx_name("cc-by-4.0"), spdx_name("our licence")
+    ('CC-BY-4.0', None)
+    """
+    from packaging.licenses import InvalidLicenseExpression, canonicalize_license_expression
+
+    try:
+        return canonicalize_license_expression(licence)
+    except InvalidLicenseExpression:
+        return None
+
+
+def study_of(dataset: Path) -> Study:
+    """Return what `study.toml` of a data set says; all is blank if there is none, as of earlier versions.
+
+    Raises
+    ------
+    InputError
+        If it cannot be read.
+    """
+    path = dataset / STUDY
+    return read_toml_record(Study, path) if path.exists() else Study()
+
+
+def blank_study() -> str:
+    """Return a `study.toml` with a comment on every key, and nothing filled in."""
+    fields = dataclasses.fields(Study)
+    return "\n".join(f"# {f.metadata['doc']}\n{file_key(f)} = {json.dumps(f.default)}\n" for f in fields)
