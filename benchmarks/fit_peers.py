@@ -22,6 +22,7 @@ from evenlight.method.psychometric import (
     WIDTH_LOGITS,
     PsychometricFunction,
     log_likelihood,
+    threshold_logit,
 )
 
 WIDEST = 12.0  # of ln(rate), for psignifit's grid
@@ -84,7 +85,6 @@ def psignifit_ln_threshold(counts: RampCounts) -> float:
         warnings.simplefilter("ignore")  # it warns of small data sets
         result = psignifit.psignifit(data, debug=True, **options)
     nodes, masses = result.parameter_values, result.debug["posteriors"][0, 0]
-    lapse, threshold, width = np.meshgrid(nodes["lambda"], nodes["threshold"], nodes["width"], indexing="ij")
-    rise = (THRESHOLD_PROBABILITY - guess) / (1 - THRESHOLD_PROBABILITY - lapse)
-    at_75_percent = threshold + width * np.log(rise) / WIDTH_LOGITS
+    _, threshold, width = np.meshgrid(nodes["lambda"], nodes["threshold"], nodes["width"], indexing="ij")
+    at_75_percent = threshold + width * threshold_logit(guess) / WIDTH_LOGITS
     return float(np.sum(masses * at_75_percent) / masses.sum())

@@ -65,10 +65,10 @@ class RateLimitForm(enum.Enum):
 class RateLimit:
     """The rate of luminance change ΔL that is detected in 75 % of the trials, as a function of luminance L.
 
-    It is the paper's definition, for the median participant, who watches a plain screen for it; half of the
-    participants detect slower changes as often. What "detected" means is the task's: in yes/no, as in the
-    paper, the change is noticed in 75 % of the trials; of two intervals the right one is identified in 75 %
-    (d′ = 0.95), which slower changes allow. Limits of the two tasks do not compare.
+    It is the paper's definition, for the median participant, who watches a plain screen for it and never
+    lapses; half of the participants detect slower changes as often. What "detected" means is the task's: in
+    yes/no, as in the paper, the change is noticed in 75 % of the trials; of two intervals the right one is
+    identified in 75 % (d′ = 0.95), which slower changes allow. Limits of the two tasks do not compare.
 
     With z = L (or ln L for `LOG_LOG`) mapped linearly from `luminance_range` to [-1, 1], the polynomial is
     Σ_k coefficients[k] · P_k(z), P_k the Legendre polynomials. Outside the measured range it is not used:

@@ -25,14 +25,15 @@ class ThresholdFlag(enum.Enum):
 class Threshold:
     """The rate of luminance change that one participant detects in 75 % of the trials at one level.
 
-    In yes/no they notice it in 75 %, of two intervals they identify the right one in 75 % (`procedure`).
+    In yes/no they notice it in 75 %, of two intervals they identify the right one in 75 % (`procedure`), but
+    for lapses.
     """
 
     participant_id: str = described("participant, e.g. 01", pattern="^[0-9A-Za-z]+$")
     screen: str = described("uniform screen: white or gray", pattern="^(white|gray)$")
     factor: float = share("initial brightness factor b of the ramps", above=0.0)
     luminance: float = quantity("cd/m^2", "initial luminance L of the ramps", above=0.0)
-    threshold: float = quantity("cd/m^2/s", "rate detected in 75 % of the trials", above=0.0)
+    threshold: float = quantity("cd/m^2/s", "rate detected in 75 % of the trials, but for lapses", above=0.0)
     ci_low: float = quantity(
         "cd/m^2/s", "lower end of the threshold's 95 % credible interval", above=0.0, key="ci_low"
     )

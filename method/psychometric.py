@@ -26,12 +26,12 @@ LEAST_FALSE_ALARM_RATE = 0.01  # below it the criterion, and with it d', would r
 class PsychometricFunction:
     """A logistic function of ln(rate), between an asymptote for guessing and one for lapses.
 
-    ψ(x) = γ + (1 - γ - λ) F(x), x = ln(rate), F logistic. Its place is given by the rate at which ψ itself,
-    asymptotes included, is 75 %: what the paper calls detected in 75 % of the trials
+    ψ(x) = γ + (1 - γ - λ) F(x), x = ln(rate), F logistic. Its place is given by the rate at which somebody
+    who never lapses, γ + (1 - γ) F, answers with 75 %: what the paper calls detected in 75 % of the trials
     (docs/decisions/threshold-definition.md). A function can be called: `function(rate)` is ψ there.
     """
 
-    threshold: float  # rate at which P("yes") = 0.75 [cd/m^2/s]
+    threshold: float  # rate at which P("yes") = 0.75 without lapses [cd/m^2/s]
     width: float  # ln(rate) between 5 % and 95 % of the rise
     guess_rate: float = 0.0  # γ, P("yes") with nothing to see; below 0.75
     lapse_rate: float = 0.0  # λ, P("no") with everything to see; below 0.25
@@ -60,14 +60,17 @@ class PsychometricFunction:
         0.1875
         """
         rise = 1 - self.guess_rate - self.lapse_rate
-        share = float(special.expit(self.threshold_logit))
+        share = float(special.expit(threshold_logit(self.guess_rate)))
         return float(rise * share * (1 - share) * WIDTH_LOGITS / self.width)
 
-    @property
-    def threshold_logit(self) -> float:
-        """Logit of F at the threshold: ln((0.75 - γ) / (0.25 - λ)), because ψ is 0.75 there."""
-        rise = THRESHOLD_PROBABILITY - self.guess_rate
-        return float(np.log(rise / (1 - THRESHOLD_PROBABILITY - self.lapse_rate)))
+
+def threshold_logit(guess_rate: ArrayLike) -> NDArray[np.float64]:
+    """Return the logit of F at the threshold, where γ + (1 - γ) F = 0.75: ln((0.75 - γ) / 0.25).
+
+    >>> threshold_logit([0.25, 0.5]).round(12).tolist()
+    [0.69314718056, 0.0]
+    """
+    return np.asarray(np.log((THRESHOLD_PROBABILITY - np.asarray(guess_rate)) / (1 - THRESHOLD_PROBABILITY)))
 
 
 def yes_probability(rate: ArrayLike, function: PsychometricFunction) -> NDArray[np.float64]:
@@ -81,8 +84,8 @@ def yes_probability(rate: ArrayLike, function: PsychometricFunction) -> NDArray[
         The observer's.
 
     >>> observer = PsychometricFunction(threshold=2.0, width=1.5, guess_rate=0.1, lapse_rate=0.05)
-    >>> yes_probability([0.0, 2.0, 1e300], observer).round(12).tolist()
-    [0.1, 0.75, 0.95]
+    >>> yes_probability([0.0, 2.0, 1e300], observer).round(12).tolist()  # F = 0.65 / 0.9 at the threshold
+    [0.1, 0.713888888889, 0.95]
     """
     rise = 1 - function.guess_rate - function.lapse_rate
     return np.asarray(function.guess_rate + rise * special.expit(_logit_of_rise(rate, function)))
@@ -110,7 +113,7 @@ def rate_at(probability: ArrayLike, function: PsychometricFunction) -> NDArray[n
     low, high = function.guess_rate, 1 - function.lapse_rate
     if not ((wanted >= low) & (wanted <= high)).all():
         raise ValueError(f"the probability must lie in {low:g} to {high:g}, got {wanted}")
-    logit = special.logit((wanted - low) / (high - low)) - function.threshold_logit
+    logit = special.logit((wanted - low) / (high - low)) - threshold_logit(function.guess_rate)
     return np.asarray(function.threshold * np.exp(logit * function.width / WIDTH_LOGITS))
 
 
@@ -147,7 +150,7 @@ def _logit_of_rise(rate: ArrayLike, function: PsychometricFunction) -> NDArray[n
     """Return the logit of F at a rate; -inf at rate 0."""
     with np.errstate(divide="ignore"):  # ln 0 = -inf is meant: nothing to see
         distance = np.log(np.asarray(rate, dtype=np.float64)) - np.log(function.threshold)
-    return np.asarray(WIDTH_LOGITS * distance / function.width + function.threshold_logit)
+    return np.asarray(WIDTH_LOGITS * distance / function.width + threshold_logit(function.guess_rate))
 
 
 def _times(count: NDArray[np.int64], logarithm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -182,14 +185,11 @@ def two_interval_function(yes_no: PsychometricFunction) -> PsychometricFunction:
     yes_slope = (1 - false_alarms) * rise * (1 - rise) * WIDTH_LOGITS / yes_no.width  # of ln(rate)
     d_prime_slope = yes_slope / _density(z)
     slope = _density(THRESHOLD_D_PRIME / math.sqrt(2)) / math.sqrt(2) * d_prime_slope
-    lapse = yes_no.lapse_rate / 2
-    room = 1 - TWO_INTERVAL_GUESS_RATE - lapse
-    own_rise = (THRESHOLD_PROBABILITY - TWO_INTERVAL_GUESS_RATE) / room
     return PsychometricFunction(
         threshold=rate,
-        width=float(room * own_rise * (1 - own_rise) * WIDTH_LOGITS / slope),
+        width=float(TWO_INTERVAL_GUESS_RATE / 4 * WIDTH_LOGITS / slope),  # at the threshold F is 1/2
         guess_rate=TWO_INTERVAL_GUESS_RATE,
-        lapse_rate=lapse,
+        lapse_rate=yes_no.lapse_rate / 2,
     )
 
 

@@ -15,6 +15,7 @@ from evenlight.analysis.calibration.psychometric.serial_dependence import (
     SerialDependence,
     serial_dependence,
 )
+from evenlight.analysis.calibration.psychometric.session_drift import SessionDrift, session_drift
 from evenlight.analysis.calibration.psychometric.signal_detection import (
     Criterion,
     IntervalBias,
@@ -115,11 +116,14 @@ class Calibration(ThresholdFits):
         The population's threshold at each level, estimated in three ways.
     serial : SerialDependence or None
         How answers go with what came before; None where the order of trials is not known, or of few trials.
+    drift : SessionDrift or None
+        How thresholds move within a session; None where the order of trials is not known.
     """
 
     models: LimitModels
     levels: tuple[LevelEstimates, ...]
     serial: SerialDependence | None
+    drift: SessionDrift | None
 
     @property
     def rate_limit(self) -> RateLimitFit:
@@ -190,12 +194,13 @@ def calibrate(
     serial, repeats = serial_dependence(trials, thresholds) if data.order_known else (None, None)
     if repeats:
         thresholds = tuple(fit_thresholds_of(trials, report=report, repeats=repeats))
+    drift = session_drift(trials, thresholds) if data.order_known else None
     if not data.order_known:
         thresholds = tuple(
             replace(fit, threshold=replace(fit.threshold, drift_ratio=None, drift_p=None))
             for fit in thresholds
         )
-    concerns = ordered((*concerns, *_drifts(_participants(thresholds)), *_serial(serial)))
+    concerns = ordered((*concerns, *_drifts(_participants(thresholds)), *_serial(serial), *_within(drift)))
     fits: dict[str, Any] = {
         "data": data,
         "thresholds": thresholds,
@@ -212,7 +217,7 @@ def calibrate(
         if any(concern.threatens for concern in concerns) or wanted == (None, None, None):
             raise NoRateLimitError(ThresholdFits(**fits), error) from error
         raise  # another curve was asked for than the answers have
-    return Calibration(**fits, models=models, levels=estimate_levels(thresholds), serial=serial)
+    return Calibration(**fits, models=models, levels=estimate_levels(thresholds), serial=serial, drift=drift)
 
 
 def trials_of_one_task(
@@ -279,6 +284,18 @@ def _serial(serial: SerialDependence | None) -> tuple[Concern, ...]:
             f"(p = {serial.previous_ramp_p:.2g}), which the fits do not take out"
         )
     return tuple(Concern(ConcernKind.SERIAL, own) for own in words)
+
+
+def _within(drift: SessionDrift | None) -> tuple[Concern, ...]:
+    """Return how thresholds move within sessions, beyond chance, and what that does to the limit."""
+    if drift is None or drift.p >= LEVEL:
+        return ()
+    words = (
+        f"from a session's first ramp to its last thresholds change by × {drift.ratio:.2f} "
+        f"({drift.ci_low:.2f} to {drift.ci_high:.2f}, p = {drift.p:.2g}): the limit is that of the middle, "
+        f"and {percent(1 - drift.lowest, 0)} lower at the {'beginning' if drift.ratio > 1 else 'end'}"
+    )
+    return (Concern(ConcernKind.HALVES, words),)
 
 
 def _drift_in_words(who: str, person: ParticipantSummary) -> str:

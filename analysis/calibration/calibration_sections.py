@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 
 import numpy as np
+from scipy import stats
 
 from evenlight.analysis.calibration.calibration import Calibration, ThresholdFits
 from evenlight.analysis.calibration.joint.joint_fit import JointFit
 from evenlight.analysis.calibration.joint.polynomial_shape import ShapeScore
 from evenlight.analysis.calibration.level_estimates import difference_in_words, mean_ratios
 from evenlight.analysis.calibration.limit_models import FEW_LEVELS, LimitModels
+from evenlight.analysis.calibration.psychometric.psychometric_fit import lapse_prior
 from evenlight.analysis.calibration.psychometric.ramp_counts import (
     RampLevelKey,
     by_joined_level,
@@ -24,11 +26,12 @@ from evenlight.analysis.figure_style import short
 from evenlight.analysis.report import Cell, Picture, Section, Table, probability
 from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.rows import Rows
-from evenlight.analysis.wording import sentence
+from evenlight.analysis.wording import percent, sentence
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
+from evenlight.method.psychometric import TWO_INTERVAL_GUESS_RATE
 
 POPULATION, POOLED, MEAN = (
     "threshold of the population",
@@ -153,6 +156,9 @@ def thresholds_section(calibration: Calibration, rows: Rows, png: bytes) -> Sect
         pooled_lies_below=pooled is not None and pooled < 1,
         found=sentence(difference_in_words(calibration.levels) or ""),
         short=short,
+        serial=calibration.serial,
+        drift=calibration.drift,
+        probability=probability,
     )
 
 
@@ -212,8 +218,8 @@ def _participant_table(calibration: Calibration) -> Table:
     rows = tuple(_participant_row(calibration, who, own) for who, own in people.items())
     columns = ("bias",) if two else ("false alarms", "criterion", "d′ at threshold")
     return Table(
-        prose("fit_participants", two=two, joint=joint)[0],
-        ("participant", "own thresholds", "threshold / limit", *columns, "drift", "fit p", "flags"),
+        prose("fit_participants", two=two, joint=joint, lapses=lapses_before(calibration))[0],
+        ("participant", "own thresholds", "threshold / limit", *columns, "lapses", "drift", "fit p", "flags"),
         rows,
     )
 
@@ -230,6 +236,7 @@ def _participant_row(calibration: Calibration, who: str, own: Sequence[Threshold
         f"{sum(t.flag not in UNUSABLE for t in own)} of {len(own)}",
         _ratio_to_limit(calibration, who),
         *bias,
+        _lapses(calibration, who, own),
         f"× {t.drift_ratio:.2f} (p {probability(t.drift_p or 0.0)})" if drifts else None,
         None if fit_p is None else probability(fit_p),
         _flags(own),
@@ -244,6 +251,21 @@ def _ratio_to_limit(calibration: Calibration, who: str) -> Cell:
         return f"{own.factor:.2f} ({bounds(own.ci_low, own.ci_high)})" if own else None
     ratios = [t.threshold / float(fit.limit(t.luminance)) for t in fit.own if t.participant_id == who]
     return float(np.exp(np.mean(np.log(ratios)))) if ratios else None
+
+
+def lapses_before(calibration: ThresholdFits) -> tuple[float, float]:
+    """Return mean and standard deviation of a lapse rate before the first answer: its prior's."""
+    prior = stats.beta(*lapse_prior(TWO_INTERVAL_GUESS_RATE if _two_interval(calibration) else None))
+    return float(prior.mean()), float(prior.std())
+
+
+def _lapses(calibration: Calibration, who: str, own: Sequence[Threshold]) -> str:
+    """Return a participant's lapse rate: posterior mean and standard deviation by the joint model."""
+    joint = calibration.models.joint
+    found = [person for person in joint.participants if person.participant_id == who] if joint else []
+    if not found:
+        return percent(float(np.mean([t.lapse_rate for t in own])), 1)
+    return f"{100 * found[0].lapse_rate:.1f} ± {100 * found[0].lapse_sd:.1f} %"
 
 
 def _two_places(value: float | None) -> str | None:

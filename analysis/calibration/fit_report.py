@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration, NoRateLimitError, ThresholdFits
-from evenlight.analysis.calibration.calibration_sections import shared_luminances
+from evenlight.analysis.calibration.calibration_sections import lapses_before, shared_luminances
 from evenlight.analysis.calibration.joint.joint_fit import JointFit
 from evenlight.analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
 from evenlight.analysis.calibration.ramp_findings import findings_without_limit, ramp_findings
@@ -139,6 +139,8 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
         "procedure": calibration.procedure.value,
         "participants": {who: mapping_from_record(p) for who, p in calibration.participants.items()},
         "serial_dependence": mapping_from_record(calibration.serial) if calibration.serial else None,
+        "lapse_prior": list(lapses_before(calibration)),
+        "session_drift": mapping_from_record(calibration.drift) if calibration.drift else None,
         "criteria": {who: mapping_from_record(c) for who, c in calibration.criteria.items()},
         "interval_biases": {who: mapping_from_record(b) for who, b in calibration.interval_biases.items()},
         "warnings": [*calibration.warnings, *(roll.warnings if roll else ())],

@@ -47,10 +47,10 @@ from evenlight.data_schema.quantities import quantity
 from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.data_schema.threshold import ThresholdFlag
 from evenlight.method.psychometric import (
-    THRESHOLD_PROBABILITY,
     WIDTH_LOGITS,
     PsychometricFunction,
     log_likelihood,
+    threshold_logit,
 )
 
 LN_WIDTH_RANGE = (-3.0, 3.0)  # ln of the width in ln(rate): from a step to no slope within any range tested
@@ -351,7 +351,7 @@ class RandomThresholdModel:
 
         With odds s = F / (1 - F): ψ = (γ + (1 - λ)s) / (1 + s) and 1 - ψ = ((1 - γ) + λs) / (1 + s).
         """
-        at_threshold = np.log((THRESHOLD_PROBABILITY - self.guess) / (1 - THRESHOLD_PROBABILITY - lapse))
+        at_threshold = threshold_logit(self.guess)
         slope = WIDTH_LOGITS / width
         logit = (slope * (self.x - mu) + at_threshold)[:, None] - slope * sd * self.nodes
         odds = np.exp(np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT))

@@ -27,10 +27,10 @@ from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.method.psychometric import (
-    THRESHOLD_PROBABILITY,
     WIDTH_LOGITS,
     PsychometricFunction,
     rate_at,
+    threshold_logit,
 )
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class RampFit(Result):
         """Return the rate that each participant notices in a proportion of the trials, at each level.
 
         Guesses and lapses do not count: at a proportion p the psychometric function is γ + (1 - γ - λ) p.
-        (`thresholds` has the rate at which it is 75 %, guesses and lapses included.)
+        (`thresholds` has the rate at which γ + (1 - γ) p is 75 %: guesses included, lapses not.)
 
         Parameters
         ----------
@@ -134,8 +134,8 @@ class RampFit(Result):
         -------
         function
             `function(rate)` is the probability of the answer "yes" (of two intervals, of the right one) at
-            rates [cd/m^2/s]. Its attributes: `threshold` [cd/m^2/s], where it is 75 %; `slope` there, per
-            unit of ln(rate); `guess_rate` and `lapse_rate`.
+            rates [cd/m^2/s]. Its attributes: `threshold` [cd/m^2/s], where it is 75 % but for lapses;
+            `slope` there, per unit of ln(rate); `guess_rate` and `lapse_rate`.
 
         Raises
         ------
@@ -197,12 +197,11 @@ class RampFit(Result):
 def _credible_interval(fit: PsychometricFit, proportion: float) -> tuple[float, float]:
     """Return the 95 % credible interval of the rate at a proportion of the rise [cd/m^2/s]."""
     grid = posterior_grid(fit.counts)
-    ln_threshold, ln_width, guess, lapse = np.ix_(*(axis.nodes for axis in grid.axes))
-    threshold_logit = np.log((THRESHOLD_PROBABILITY - guess) / (1 - THRESHOLD_PROBABILITY - lapse))
-    distance = (special.logit(proportion) - threshold_logit) / WIDTH_LOGITS
+    ln_threshold, ln_width, guess = np.ix_(*(axis.nodes for axis in grid.axes[:3]))
+    distance = (special.logit(proportion) - threshold_logit(guess)) / WIDTH_LOGITS
     ln_rate = (ln_threshold + np.exp(ln_width) * distance).ravel()
     order = np.argsort(ln_rate)
-    masses = grid.masses.ravel()[order]
+    masses = grid.masses.sum(axis=3).ravel()[order]
     ends = np.interp((0.025, 0.975), np.cumsum(masses) - masses / 2, ln_rate[order])
     low, high = np.exp(ends).tolist()
     return low, high

@@ -11,11 +11,12 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from scipy import special
 
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, Response
 from evenlight.experiments.ramp.ramp_observer import REFERENCE_DURATION, SimulatedObserver
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
-from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
+from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, threshold_logit
 
 PRIOR_WIDTH = 1.6  # ln(rate), median of the fit's prior (docs/decisions/threshold-definition.md)
 MANY_LAPSES = 0.06  # of the answers to a clear ramp; the fit's prior for two intervals has a mean of 1.6 %
@@ -67,16 +68,16 @@ class WeibullShaped(SimulatedObserver):
 
 
 def weibull_probability(rate: float, function: PsychometricFunction) -> float:
-    """Return γ + (1 - γ - λ) (1 - exp(-t (rate / threshold)^b)), which meets a logistic ψ at its 75 % point.
+    """Return γ + (1 - γ - λ) (1 - exp(-t (rate / threshold)^b)), which meets a logistic ψ at its threshold.
 
     There F is the same, t = -ln(1 - F), and so is the slope: b t (1 - F) = F (1 - F) · (logits / width).
 
     >>> logistic = PsychometricFunction(threshold=2.0, width=1.6, guess_rate=0.5, lapse_rate=0.02)
-    >>> round(weibull_probability(2.0, logistic), 12)
-    0.75
+    >>> round(weibull_probability(2.0, logistic), 12)  # 0.5 + 0.48 / 2
+    0.74
     """
     span = 1 - function.guess_rate - function.lapse_rate
-    rise = (THRESHOLD_PROBABILITY - function.guess_rate) / span
+    rise = float(special.expit(threshold_logit(function.guess_rate)))
     t = -math.log1p(-rise)
     b = rise * WIDTH_LOGITS / (function.width * t)
     return function.guess_rate - span * math.expm1(-t * (rate / function.threshold) ** b)

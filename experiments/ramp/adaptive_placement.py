@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from evenlight.data_schema.recordings.ramp import Placement
-from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.method.psychometric import WIDTH_LOGITS, threshold_logit
 
 JITTER_STEPS = 3  # at most, either way, around the 75 % point; see docs/decisions/placement.md
 CANDIDATES = 27  # over the default rates, a factor of 15, a step of 11 %
@@ -176,7 +176,6 @@ def success_chances(
 ) -> NDArray[np.float64]:
     """Return ψ of `method.psychometric` for every candidate at every node."""
     guess, lapse = guess_rates[:, None], LAPSE_RATES
-    at_threshold = np.log((THRESHOLD_PROBABILITY - guess) / (1 - THRESHOLD_PROBABILITY - lapse))
     distance = (candidates[:, None] - thresholds)[:, :, None] / WIDTHS
-    logit = WIDTH_LOGITS * distance[..., None, None] + at_threshold
+    logit = WIDTH_LOGITS * distance[..., None, None] + threshold_logit(guess)
     return np.asarray(guess + (1 - guess - lapse) * special.expit(logit))

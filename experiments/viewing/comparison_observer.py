@@ -40,7 +40,7 @@ from evenlight.experiments.viewing.brightness_changes import (
 )
 from evenlight.experiments.viewing.simulated_viewers import Viewing
 from evenlight.method.preset_files import load_rate_limit
-from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction
+from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, threshold_logit
 from evenlight.method.rate_limit import rate_limit_at
 
 REFERENCE_LUMINANCE = 50.0  # [cd/m^2] any within a rate limit's range: thresholds keep their ratios elsewhere
@@ -122,7 +122,7 @@ def d_prime(multiples: Array, function: PsychometricFunction) -> Array:
     [0.0, 0.954]
     """
     with np.errstate(divide="ignore"):  # ln 0: no change, no evidence
-        logit = function.threshold_logit + WIDTH_LOGITS * np.log(multiples) / function.width
+        logit = threshold_logit(function.guess_rate) + WIDTH_LOGITS * np.log(multiples) / function.width
     wrong = np.maximum(special.expit(-logit) / 2, np.finfo(float).tiny)
     return np.asarray(-np.sqrt(2) * special.ndtri(wrong)) + 0.0  # not -0
 

@@ -87,6 +87,19 @@ def test_false_alarms_criterion_and_d_prime_of_each_participant_are_shown(yes_no
         assert shown["d′ at threshold"] == f"{own.d_prime_at_threshold:.2f}"
 
 
+def test_lapses_are_shown_before_and_after_the_answers(yes_no: Calibration, both_ways: Calibration) -> None:
+    """Mean and SD of Beta(1, 30), and of Beta(1, 60) in two intervals, where lapses show half as often."""
+    for calibration, prior in ((yes_no, "3.2 ± 3.1 %"), (both_ways, "1.6 ± 1.6 %")):
+        people = section(calibration, THRESHOLDS).tables[1]
+        assert f"before the first answer {prior} are assumed" in people.caption.replace("\n", " ")
+        joint = calibration.models.joint
+        assert joint is not None
+        for person, row in zip(joint.participants, people.rows, strict=True):
+            shown = dict(zip(people.columns, row, strict=True))["lapses"]
+            assert shown == f"{100 * person.lapse_rate:.1f} ± {100 * person.lapse_sd:.1f} %"
+            assert 0 < person.lapse_sd < person.lapse_rate + person.lapse_sd < 0.2
+
+
 def test_the_three_estimates_of_each_level_stand_side_by_side(yes_no: Calibration) -> None:
     shown = section(yes_no, THRESHOLDS)
     rows = [dict(zip(shown.tables[0].columns, row, strict=True)) for row in shown.tables[0].rows]

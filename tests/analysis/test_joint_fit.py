@@ -105,12 +105,11 @@ def by_brute_force(trials: Sequence[RampTrial], f: NDArray[np.float64], spread: 
                     t for t in trials if t.participant_id == who and t.initial_luminance == level.luminance
                 ]
                 ln_threshold = f[c] + np.log(level.luminance) + u[:, None] + v
-                at_threshold = special.logit(0.25 / (0.5 - lapse))
                 ln_cell = np.zeros(ln_threshold.shape)
                 for rate in sorted({t.rate for t in own}):
                     here = [t.success for t in own if t.rate == rate]
                     slope = 2 * np.log(19) / np.exp(ln_width)
-                    rise = special.expit(slope * (np.log(rate) - ln_threshold) + at_threshold)
+                    rise = special.expit(slope * (np.log(rate) - ln_threshold))  # 1/2 at the threshold
                     chance = 0.5 + (0.5 - lapse) * rise
                     ln_cell += sum(here) * np.log(chance) + (len(here) - sum(here)) * np.log(1 - chance)
                 ln_given_u += special.logsumexp(ln_cell + ln_v, axis=1)

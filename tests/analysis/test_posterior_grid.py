@@ -86,7 +86,7 @@ def means_by_brute_force(data: RampCounts) -> NDArray[np.float64]:
         np.linspace(x[0] - 2.5, x[-1] + 2.5, 90),
         np.linspace(math.log(1.6) - 2.7, math.log(1.6) + 2.7, 44),
         np.linspace(1e-9, 0.45 if data.catch_trials < 30 else 0.22, 44),
-        np.linspace(1e-9, 0.2, 20),
+        np.linspace(1e-9, 0.2, 40),
     ]
     t, w, g, m = np.ix_(*axes)
     flank = np.maximum(0, np.maximum(x[0] - t, t - x[-1])) / THRESHOLD_FALLOFF
@@ -95,7 +95,7 @@ def means_by_brute_force(data: RampCounts) -> NDArray[np.float64]:
     for p, (a, b) in ((g, guess), (m, LAPSE_PRIOR)):
         ln_posterior = ln_posterior + (a - 1) * np.log(p) + (b - 1) * np.log1p(-p)
     for xi, k, n in zip(x, data.n_yes, data.n_trials, strict=True):
-        offset = special.logit((0.75 - g) / (1 - g - m))
+        offset = special.logit((0.75 - g) / (1 - g))
         psi = g + (1 - g - m) * special.expit(2 * math.log(19) * (xi - t) / np.exp(w) + offset)
         ln_posterior = ln_posterior + special.xlogy(k, psi) + special.xlog1py(n - k, -psi)
     mass = np.exp(ln_posterior - ln_posterior.max())

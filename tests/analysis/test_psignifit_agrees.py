@@ -4,7 +4,8 @@ Both integrate the same posterior on a grid, so that means and quantiles may dif
 step of the coarser one, psignifit's; it is read off its result. Alike is made what differs by default: no
 overdispersion (eta), a guess rate that is fixed, our priors. psignifit's threshold is that of the function
 between its asymptotes, and its intervals lie half a step low (they add up whole masses); therefore its
-posterior is taken, not its estimates, moved to the point where 75 % of all answers are right or "yes".
+posterior is taken, not its estimates, moved to the point where 75 % of the answers are right or "yes" but for
+lapses.
 """
 
 import numpy as np
@@ -70,7 +71,7 @@ def test_threshold_width_and_lapse_rate_agree_with_psignifit_to_half_a_step_of_i
     nodes, masses = psignifit_posterior(counts)
     masses = masses / masses.sum()
     lapse, threshold, width = np.meshgrid(nodes["lambda"], nodes["threshold"], nodes["width"], indexing="ij")
-    to_75_percent = np.log((0.75 - guess_rate) / (0.25 - lapse)) / WIDTH_LOGITS
+    to_75_percent = np.log((0.75 - guess_rate) / 0.25) / WIDTH_LOGITS
     fit = fit_psychometric(counts)
     half = {name: float(np.diff(nodes[name]).max()) / 2 for name in ("lambda", "threshold", "width")}
     assert half["threshold"] < fit.ln_threshold.sd / 4  # the tolerance is narrow beside what is compared

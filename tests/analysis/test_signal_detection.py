@@ -71,7 +71,8 @@ def test_the_rate_of_d_prime_1_is_answered_with_yes_as_often_as_the_criterion_sa
     function = PsychometricFunction(2.0, 1.5, guess_rate=0.01, lapse_rate=0.02)
     rate = rate_of_d_prime(1.0, function, criterion)
     assert rate is not None
-    assert float(yes_probability(rate, function)) == pytest.approx(float(special.ndtr(1.0 - criterion)))
+    attentive = replace(function, lapse_rate=0.0)
+    assert float(yes_probability(rate, attentive)) == pytest.approx(float(special.ndtr(1.0 - criterion)))
 
 
 def test_the_criterion_moves_the_75_percent_point_but_not_the_rate_of_d_prime_1() -> None:
@@ -94,4 +95,5 @@ def test_the_criterion_moves_the_75_percent_point_but_not_the_rate_of_d_prime_1(
 def test_a_d_prime_that_the_function_does_not_reach_has_no_rate() -> None:
     eager = PsychometricFunction(2.0, 1.5, guess_rate=0.3)
     assert rate_of_d_prime(1.0, eager, criterion=2.5) is None  # Φ(-1.5) = 7 % lies below the guess rate
-    assert rate_of_d_prime(4.0, PsychometricFunction(2.0, 1.5, 0.5, 0.1)) is None  # Φ(2.83) = 99.8 %
+    looking, lapsing = (PsychometricFunction(2.0, 1.5, 0.5, lapses) for lapses in (0.0, 0.1))
+    assert rate_of_d_prime(4.0, lapsing) == rate_of_d_prime(4.0, looking) is not None

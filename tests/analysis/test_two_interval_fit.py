@@ -43,8 +43,7 @@ def test_the_means_are_those_of_a_brute_force_grid_over_three_parameters() -> No
     ln = -(flank**2) / 2 - ((w - math.log(WIDTH_PRIOR[0])) / WIDTH_PRIOR[1]) ** 2 / 2
     ln = ln + (2 * LAPSE_PRIOR[1] - 1) * np.log1p(-m)  # Beta(1, 60): lapses show half as often
     for xi, k, n in zip(x, TYPICAL.n_yes, TYPICAL.n_trials, strict=True):
-        offset = np.log(0.25 / (0.25 - m))
-        psi = 0.5 + (0.5 - m) * special.expit(2 * math.log(19) * (xi - t) / np.exp(w) + offset)
+        psi = 0.5 + (0.5 - m) * special.expit(2 * math.log(19) * (xi - t) / np.exp(w))
         ln = ln + k * np.log(psi) + (n - k) * np.log1p(-psi)
     mass = np.exp(ln - ln.max())
     for axis in range(3):
@@ -61,7 +60,8 @@ def test_the_means_are_those_of_a_brute_force_grid_over_three_parameters() -> No
 def test_a_known_guess_rate_is_its_own_estimate() -> None:
     fit = fit_psychometric(TYPICAL)
     assert (fit.guess_rate.mean, fit.guess_rate.sd, fit.guess_rate.ci_low) == (0.5, 0.0, 0.5)
-    assert float(yes_probability(fit.function.threshold, fit.function)) == pytest.approx(0.75)
+    half_way = 0.75 - fit.lapse_rate.mean / 2
+    assert float(yes_probability(fit.function.threshold, fit.function)) == pytest.approx(half_way)
 
 
 @pytest.mark.parametrize("right", [[10] * 8, [5] * 8, [0] * 8, [10, 9, 8, 7, 6, 5, 4, 3]])

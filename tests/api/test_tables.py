@@ -1,5 +1,6 @@
 """Statistics of plain tables: the same as those of sessions, and errors that name the row."""
 
+import dataclasses
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -71,7 +72,8 @@ def test_a_psychometric_function_gives_probabilities_and_what_it_is_made_of(fit:
     function = fit.psychometric(2, 40.0)
     table = fit.thresholds.set_index(["participant_id", "luminance_cd_m2"]).loc[("2", 40.0)]
     assert function.threshold == pytest.approx(table["threshold_cd_m2_s"], rel=1e-12)
-    assert float(function(function.threshold)) == pytest.approx(0.75, rel=1e-12)
+    attentive = dataclasses.replace(function, lapse_rate=0.0)
+    assert float(attentive(function.threshold)) == pytest.approx(0.75, rel=1e-12)
     assert float(function(0.0)) == pytest.approx(function.guess_rate, abs=1e-12)
     step = 1e-5  # the slope is the derivative by ln(rate)
     ends = function(function.threshold * np.exp([-step, step]))

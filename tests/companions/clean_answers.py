@@ -153,8 +153,13 @@ def ramp_design(
     return RampDesign(procedure=procedure, screens=("white",), factors=factors)
 
 
-def ramps(rng: np.random.Generator, design: RampDesign, people: int = 10) -> list[RampTrial]:
-    """Answers that follow logistic functions of ln(rate), 5 % false alarms, in random order."""
+def ramps(
+    rng: np.random.Generator, design: RampDesign, people: int = 10, drift: float = 0.0
+) -> list[RampTrial]:
+    """Answers that follow logistic functions of ln(rate), 5 % false alarms, in random order.
+
+    ln(threshold) changes by the drift from the first to the last.
+    """
     trials = []
     two = design.procedure is Procedure.TWO_INTERVAL
     for k in range(people):
@@ -163,7 +168,8 @@ def ramps(rng: np.random.Generator, design: RampDesign, people: int = 10) -> lis
         planned += [] if two else [(f, 0.0) for f in design.factors for _ in range(12)]
         for index, which in enumerate(rng.permutation(len(planned)).tolist()):
             factor, rate = planned[which]
-            seen = 0.0 if rate == 0 else 1 / (1 + math.exp(-(math.log(rate) - middle) / 0.3))
+            now = middle + drift * (index / len(planned) - 0.5)
+            seen = 0.0 if rate == 0 else 1 / (1 + math.exp(-(math.log(rate) - now) / 0.3))
             guess = 0.5 if two else 0.05
             noticed = bool(rng.random() < guess + (0.98 - guess) * seen)
             trials.append(ramp(k, index, (factor, rate), noticed, int(rng.integers(1, 3)) if two else None))

@@ -36,10 +36,14 @@ functions = st.builds(
 
 @pytest.mark.slow
 @given(functions)
-def test_the_threshold_is_the_raw_75_percent_point_whatever_the_asymptotes(
+def test_the_threshold_is_the_75_percent_point_of_who_guesses_as_much_and_never_lapses(
     function: PsychometricFunction,
 ) -> None:
-    assert float(yes_probability(function.threshold, function)) == pytest.approx(0.75, abs=1e-12)
+    attentive = dataclasses.replace(function, lapse_rate=0.0)
+    assert float(yes_probability(function.threshold, attentive)) == pytest.approx(0.75, abs=1e-12)
+    rise = (0.75 - function.guess_rate) / (1 - function.guess_rate)
+    with_lapses = function.guess_rate + (1 - function.guess_rate - function.lapse_rate) * rise
+    assert float(yes_probability(function.threshold, function)) == pytest.approx(with_lapses, abs=1e-12)
 
 
 @given(functions)
@@ -175,13 +179,9 @@ def test_the_threshold_is_free_of_the_criterion() -> None:
 
 def test_lapses_show_half_as_often_and_do_not_change_what_is_seen() -> None:
     # The same rise F(ln rate), once with lapses of 10 % and once without: the same rate has a d' of 0.954.
-    lapsing = dataclasses.replace(YES_NO, lapse_rate=0.1)
-    attentive = dataclasses.replace(
-        YES_NO, threshold=float(rate_at(0.07 + 0.83 * (0.75 - 0.07) / 0.93, lapsing))
-    )
-    two = two_interval_function(lapsing)
+    two = two_interval_function(dataclasses.replace(YES_NO, lapse_rate=0.1))
     assert two.lapse_rate == pytest.approx(0.05)
-    assert two.threshold == pytest.approx(two_interval_function(attentive).threshold)
+    assert dataclasses.replace(two, lapse_rate=0.0) == two_interval_function(YES_NO)
 
 
 def test_who_never_says_yes_to_nothing_is_taken_for_one_in_a_hundred() -> None:
@@ -210,9 +210,7 @@ def test_a_steady_ramp_at_the_limit_has_the_d_prime_of_the_threshold() -> None:
 
 
 def test_who_lapses_has_the_d_prime_of_who_looks() -> None:
-    # F is (0.75 - g) / (1 - g - l) at the threshold; without lapses psi is g + (1 - g) F there.
-    rise = (0.75 - 0.1) / (1 - 0.1 - 0.05)
-    expected = stats.norm.ppf(0.1 + 0.9 * rise) - stats.norm.ppf(0.1)
+    expected = stats.norm.ppf(0.75) - stats.norm.ppf(0.1)
     assert float(d_prime(1.0, PsychometricFunction(1.0, 1.6, 0.1, 0.05))) == pytest.approx(expected)
 
 

@@ -220,13 +220,13 @@ def _bands(
 
 def _people(population: PopulationCurve, smooth: SmoothTables) -> dict[str, Any]:
     spreads, central = [node.spread for node in population.nodes], population.central
-    lapses = (central.evaluation.of_nodes * population.tables.lapse_rate).sum(axis=1)
+    people = _participant_factors(population, smooth)
     return {
         "participant_sd": _spread_estimate([one.participant_sd for one in spreads], population.weights),
         "level_sd": _spread_estimate([one.level_sd for one in spreads], population.weights),
         "width": float(np.exp(central.spread.width_mean)),
-        "lapse_rate": float(lapses.mean()),
-        "participants": _participant_factors(population, smooth),
+        "lapse_rate": float(np.mean([person.lapse_rate for person in people])),
+        "participants": people,
     }
 
 
@@ -282,6 +282,8 @@ class ParticipantFactor:
     ci_low: float  # 95 % credible interval, of person and curve together
     ci_high: float
     width: float  # of the psychometric function
+    lapse_rate: float  # posterior mean and standard deviation
+    lapse_sd: float
     all_alike: bool  # whether all answers were alike: they bound the factor from one side only
 
 
@@ -346,12 +348,17 @@ def _participant_factors(population: PopulationCurve, smooth: SmoothTables) -> t
         masses[:, low : low + seen.u.size] += weight * seen.of_u
     seen = population.central.evaluation
     widths = np.exp((seen.of_nodes * tables.ln_width).sum(axis=1))
+    lapses = (seen.of_nodes * tables.lapse_rate).sum(axis=1)
+    lapse_sds = np.sqrt((seen.of_nodes * (tables.lapse_rate - lapses[:, None]) ** 2).sum(axis=1))
     moves = _moved_by_curve(population, smooth)
     ends = [np.exp(_with_normal(u, own, sd)).tolist() for own, sd in zip(masses, moves, strict=True)]
     return tuple(
-        ParticipantFactor(who, middle, low, high, width, alike)
-        for who, (low, middle, high), width, alike in zip(
-            tables.participants, ends, widths.tolist(), tables.all_alike.tolist(), strict=True
+        ParticipantFactor(who, middle, low, high, width, lapse, lapse_sd, alike)
+        for who, (low, middle, high), width, lapse, lapse_sd, alike in zip(
+            tables.participants,
+            ends,
+            *(own.tolist() for own in (widths, lapses, lapse_sds, tables.all_alike)),
+            strict=True,
         )
     )
 

@@ -36,7 +36,7 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import (
 from evenlight.data_schema.arrays import Array, Mask
 from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.method.compiled_loop import compiled_loop
-from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.method.psychometric import WIDTH_LOGITS, threshold_logit
 
 LARGEST_STEP = 0.07  # of ln(threshold): the narrowest functions that count rise over 0.4
 SMALLEST_STEP = 0.02
@@ -149,7 +149,7 @@ def _ln_likelihood(counts: RampCounts, x: Array, nodes: Array, nuisance: Array) 
     """Return the log-likelihood of one participant's answers at one level, shape (T, K)."""
     ln_width, guess, lapse, _ = nuisance
     slope = WIDTH_LOGITS * np.exp(-ln_width)
-    at_threshold = np.log((THRESHOLD_PROBABILITY - guess) / (1 - THRESHOLD_PROBABILITY - lapse))
+    at_threshold = threshold_logit(guess)
     logits = ((place - nodes)[:, None] * slope + at_threshold for place in x)
     odds = (np.exp(np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)) for logit in logits)
     return ln_likelihood(counts, odds, guess, lapse, np.zeros((nodes.size, ln_width.size)))

@@ -31,7 +31,7 @@ from evenlight.analysis.calibration.psychometric.psychometric_fit import (
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array, Integers
-from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS
+from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, threshold_logit
 
 REPLICATES = 299  # a p-value of 0.05 is known to 0.013, one of 0.01 to 0.006
 LEAST_IN_BIN = 5  # trials; neighbouring rates are put together until there are as many
@@ -183,12 +183,11 @@ def most_probable(answers: AnswerSets, start: Array | None = None) -> Array:
 def _probabilities_of(parameters: Array, answers: AnswerSets) -> Array:
     """Return the probability of success at each rate, shape (r, m), for parameters of shape (r, 4)."""
     t, w, g, m = (parameters[:, i, None] for i in range(4))
-    return np.asarray(g + (1 - g - m) * special.expit(_logit(answers.x, t, w, g, m)))
+    return np.asarray(g + (1 - g - m) * special.expit(_logit(answers.x, t, w, g)))
 
 
-def _logit(x: Array, t: Array, w: Array, g: Array, m: Array) -> Array:
-    at_threshold = np.log((THRESHOLD_PROBABILITY - g) / (1 - THRESHOLD_PROBABILITY - m))
-    return np.asarray(WIDTH_LOGITS * (x - t) * np.exp(-w) + at_threshold)
+def _logit(x: Array, t: Array, w: Array, g: Array) -> Array:
+    return np.asarray(WIDTH_LOGITS * (x - t) * np.exp(-w) + threshold_logit(g))
 
 
 def _first(answers: AnswerSets) -> Array:
@@ -217,16 +216,15 @@ def _posterior(free: Array, answers: AnswerSets) -> tuple[Array, Array, Array]:
     known = answers.counts.guess_rate
     found = _parameters(free, known)
     t, w, g, m = (found[:, i, None] for i in range(4))
-    rise = special.expit(_logit(answers.x, t, w, g, m))
+    rise = special.expit(_logit(answers.x, t, w, g))
     psi = g + (1 - g - m) * rise
     steep = (1 - g - m) * rise * (1 - rise)
     slope = WIDTH_LOGITS * np.exp(-w)
     by_guess = (1 - rise) - steep / (THRESHOLD_PROBABILITY - g)
-    by_lapse = -rise + steep / (1 - THRESHOLD_PROBABILITY - m)
     d_guess = g * (1 - g / MAX_GUESS) if known is None else np.zeros_like(g)
     d_lapse = m * (1 - m / MAX_LAPSE)
     jacobian = np.stack(
-        [-slope * steep, -slope * (answers.x - t) * steep, by_guess * d_guess, by_lapse * d_lapse], axis=2
+        [-slope * steep, -slope * (answers.x - t) * steep, by_guess * d_guess, -rise * d_lapse], axis=2
     )
     n, k = answers.counts.n_trials, answers.success
     variance = psi * (1 - psi)

@@ -19,7 +19,7 @@ from scipy import interpolate, special
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import RampCounts
 from evenlight.data_schema.arrays import Array, Integers
-from evenlight.method.psychometric import THRESHOLD_PROBABILITY, WIDTH_LOGITS, PsychometricFunction
+from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, threshold_logit
 
 # What is known of a psychometric function before the first answer (docs/decisions/threshold-definition.md)
 THRESHOLD_FALLOFF = 0.5  # flat over the rates tested; beyond, the standard deviation of a normal flank
@@ -248,7 +248,7 @@ def _integrate(
     # The odds are a product of one factor of threshold and width and one of the asymptotes, so that no
     # exponential is taken on the whole grid.
     guess_rate, lapse_rate = g[0][:, None], m[0][None, :]
-    at_threshold = (THRESHOLD_PROBABILITY - guess_rate) / (1 - THRESHOLD_PROBABILITY - lapse_rate)
+    at_threshold = np.exp(threshold_logit(guess_rate))
     logits = ((ln_rate - t[0])[:, None] * (WIDTH_LOGITS / np.exp(w[0])) for ln_rate in x)
     odds = (np.exp(np.clip(z, -MAX_LOGIT, MAX_LOGIT))[:, :, None, None] * at_threshold for z in logits)
     ln_masses = ln_likelihood(counts, odds, guess_rate, lapse_rate, np.zeros(sizes))

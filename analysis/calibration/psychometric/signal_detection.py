@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy import special, stats
@@ -85,6 +85,8 @@ def rate_of_d_prime(
 ) -> float | None:
     """Return the rate [cd/m^2/s] at which a participant's d′ has some value; None where it never has.
 
+    Who lapses did not look: lapses leave it alone, as they do the threshold.
+
     Parameters
     ----------
     d_prime, function : float, PsychometricFunction
@@ -98,8 +100,9 @@ def rate_of_d_prime(
     """
     z = d_prime / math.sqrt(2) if criterion is None else d_prime - criterion
     share = float(special.ndtr(z))
-    reached = function.guess_rate < share < 1 - function.lapse_rate
-    return float(rate_at(share, function)) if reached else None
+    if not function.guess_rate < share < 1:
+        return None
+    return float(rate_at(share, replace(function, lapse_rate=0.0)))
 
 
 def _z(count: int, total: int) -> float:

@@ -46,7 +46,7 @@ from evenlight.analysis.calibration.psychometric.signal_detection import (
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
-from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, yes_probability
+from evenlight.method.psychometric import WIDTH_LOGITS, PsychometricFunction, threshold_logit, yes_probability
 
 UNUSABLE = (ThresholdFlag.ALL_YES, ThresholdFlag.ALL_NO, ThresholdFlag.FALSE_ALARMS)
 MAX_FALSE_ALARM_RATE = 0.5  # above it, "yes" is said more often than not to nothing at all
@@ -106,7 +106,7 @@ def fit_thresholds_of(
     people = {}  # what is a participant's and not a level's
     for who, task in dict.fromkeys((who, level.procedure) for who, level in ramps):
         own = [key for key in ramps if key[0] == who and key[1].procedure is task]
-        drift = drift_of([_timed(found[key][0].function, ramps[key], times) for key in own])
+        drift = drift_of([timed_answers(found[key][0].function, ramps[key], times) for key in own])
         bias = _bias(task, catches.get(who), [trial for key in own for trial in ramps[key]])
         people[who, task] = bias, drift
     return [
@@ -143,9 +143,10 @@ def _trial_times(trials: Iterable[RampTrial]) -> dict[TrialKey, float]:
     }
 
 
-def _timed(
+def timed_answers(
     function: PsychometricFunction, ramps: Sequence[RampTrial], times: dict[TrialKey, float]
 ) -> TimedAnswers:
+    """Return the answers at one level with their places in time, as `drift_of` takes them."""
     rates = np.array([trial.rate for trial in ramps])
     success = np.array([float(trial.success) for trial in ramps])
     return function, rates, success, np.array([times[key_of_trial(trial)] for trial in ramps])
@@ -232,22 +233,22 @@ def drift_of(levels: Iterable[TimedAnswers]) -> tuple[float, float] | None:
     the function fitted, and of its trials the rate [cd/m^2/s], 1 or 0 for the answer, and the place among all
     of the participant's, from 0 to 1.
     """
-    score, information = np.reshape([_score(*level) for level in levels], (-1, 2)).sum(axis=0).tolist()
+    score, information = np.reshape([drift_score(*level) for level in levels], (-1, 2)).sum(axis=0).tolist()
     if information < LEAST_INFORMATION:
         return None
     change = float(np.clip(score / information, -LARGEST_LN_RATIO, LARGEST_LN_RATIO))
     return float(np.exp(change)), float(2 * special.ndtr(-abs(score * information**-0.5)))
 
 
-def _score(f: PsychometricFunction, rates: Array, success: Array, times: Array) -> tuple[float, float]:
-    """Return the score of δ at one level and its variance.
+def drift_score(f: PsychometricFunction, rates: Array, success: Array, times: Array) -> tuple[float, float]:
+    """Return the score at one level of a change of ln(threshold) over time, and its variance.
 
     Everything is divided by the standard deviation of an answer, so that least squares take the nuisance
     parts out.
     """
     probability = np.clip(yes_probability(rates, f), 1e-9, 1 - 1e-9)
     distance = WIDTH_LOGITS / f.width * (np.log(rates) - np.log(f.threshold))
-    rise = special.expit(distance + f.threshold_logit)
+    rise = special.expit(distance + threshold_logit(f.guess_rate))
     spread = np.sqrt(probability * (1 - probability))
     by_threshold = -(1 - f.guess_rate - f.lapse_rate) * rise * (1 - rise) * WIDTH_LOGITS / f.width / spread
     nuisance = np.column_stack([by_threshold, by_threshold * distance])
