@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 import itertools
 import math
 from collections.abc import Sequence
@@ -14,6 +13,9 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import Array, described, quantity, record, share
+from evenlight.data_schema.rate_limit_kinds import BandKind as BandKind
+from evenlight.data_schema.rate_limit_kinds import RateLimitForm as RateLimitForm
+from evenlight.data_schema.rate_limit_kinds import RateLimitModel as RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 if TYPE_CHECKING:
@@ -36,29 +38,6 @@ SAMPLES = 201  # positions at which the polynomial is looked at: finer than a po
 # Upper over lower edge: as far as thresholds of 95 % of people reach (SD 0.35 of ln: e^(2 · 1.96 · 0.35)).
 # A wider band tells no more of the median than one person picked at random (docs/decisions/wide-bands.md).
 WIDEST_USABLE_BAND = 4.0
-
-
-class RateLimitModel(enum.Enum):
-    """How answers became a curve."""
-
-    JOINT = "joint"  # all answers at once, participants and shape included; the default
-    INDIVIDUAL = "individual"  # a threshold for each participant and level, then a curve through them
-    POOLED = "pooled"  # all answers of a level as if of one person, then a curve; a reading of the paper
-
-
-class BandKind(enum.Enum):
-    """What a band holds with the confidence stated."""
-
-    POINTWISE = "pointwise"  # the curve at any one luminance
-    SIMULTANEOUS = "simultaneous"  # the whole curve, at all luminances at once
-
-
-class RateLimitForm(enum.Enum):
-    """What the polynomial describes, and over what."""
-
-    LN_RATE = "ln_rate"  # ln(rate) over luminance: positive by construction; the default
-    RATE = "rate"  # the rate itself over luminance
-    LOG_LOG = "log_log"  # ln(rate) over ln(luminance): degree 1 is a power law
 
 
 @record
@@ -157,6 +136,23 @@ class RateLimit:
         maximum=MOST_LAPSES,
         default=None,
     )
+    width_range: tuple[float, float] | None = quantity(
+        "1", "95 % interval of that width; null if not known", above=0.0, default=None, later=True
+    )
+    participant_sd: float | None = quantity(
+        "1",
+        "standard deviation of ln(threshold) between people at one luminance; null if not known",
+        minimum=0.0,
+        default=None,
+        later=True,
+    )
+    noticed: float | None = share(
+        "share of detections, beyond guesses and lapses, that the curve was moved to; null: as fitted, 75 % "
+        "of the trials",
+        above=0.0,
+        default=None,
+        later=True,
+    )
     display: Display | None = described(
         "the display that it was fitted on; null in files of earlier versions", default=None, unhashed=True
     )
@@ -231,6 +227,8 @@ class RateLimit:
     @property
     def at_limit_in_words(self) -> str:
         """What happens to a change at the limit, as its task has it, for a sentence."""
+        if self.noticed is not None:
+            return f"noticed in {100 * self.noticed:g} % of the trials, beyond guesses and lapses"
         found = {Procedure.YES_NO: "noticed", Procedure.TWO_INTERVAL: "identified correctly"}
         return f"{found[self.procedure] if self.procedure else 'detected'} in 75 % of the trials"
 

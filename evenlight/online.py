@@ -98,7 +98,7 @@ class OnlineController:
         self._field_of_view = asked.field_of_view
         self._geometry: ViewingGeometry | None = None
         reflected = self._display.reflected_luminance
-        limit = scalar_rate_limit(posed.rate_limit, reflected, posed.limit_curve)
+        limit = scalar_rate_limit(posed.limit, reflected, posed.limit_curve)
         self._controller, self._budget = Controller(settings, limit), asked.governor(posed)
         self._target_is_given, self._ahead = asked.target_loss is not None, asked.known_ahead
         self._start, self._duration = asked.start_factor, 1 / seconds

@@ -36,7 +36,7 @@ def _walk(walk: WalkOptions, live: LiveOptions) -> None:
         refuse("{} is for --budget, which is not given", live, "budget_unit", "horizon", "power_model")
     if not live.dims:
         words = "{} is for walks that are dimmed live: give it with --target-loss or --budget"
-        refuse(words, live, "rate_limit", "device", "limit_curve", "accept_wide_band", *GAINS)
+        refuse(words, live, "rate_limit", "noticed", "device", "limit_curve", "accept_wide_band", *GAINS)
         refuse(words, walk, "other_display_ok")
     from evenlight.experiments.playback.walk_request import walk_as_asked
 

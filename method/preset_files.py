@@ -16,6 +16,7 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.storage.text_files import read_json_record, read_toml_record
 from evenlight.data_schema.tracks.loss_curves import read_curves_header
 from evenlight.method.contrast.measures import MEASURES
+from evenlight.method.detectability import limit_at_share
 from evenlight.method.rate_limit import require_known, require_same_display
 
 PRESETS = Path(__file__).parent / "presets"
@@ -78,7 +79,11 @@ def load_rate_limit(named: str | PathLike[str] | RateLimit) -> RateLimit:
 
 
 def usable_limit(
-    limit: RateLimit, display: Display, other_display_ok: bool = False, accept_wide_band: bool = False
+    limit: RateLimit,
+    display: Display,
+    other_display_ok: bool = False,
+    accept_wide_band: bool = False,
+    noticed: float | None = None,
 ) -> RateLimit:
     """Return a rate limit, if it was fitted on a display and is known well enough.
 
@@ -90,18 +95,20 @@ def usable_limit(
         Whether to accept one that was fitted on another display.
     accept_wide_band : bool
         Whether to accept one whose band is too wide for use.
+    noticed : float, optional
+        Share of detections that it is moved to where it is used (`limit_at_share`): its band counts there.
 
     Raises
     ------
     InputError
-        If it was fitted on another display, or its band is too wide.
+        If it was fitted on another display, its band is too wide, or the share is none.
 
     >>> usable_limit(load_rate_limit("surace2025"), load_display("varjo-xr3")).name
     'surace2025'
     """
     if not other_display_ok:
         require_same_display(limit, display)
-    require_known(limit, accept_wide_band)
+    require_known(limit if noticed is None else limit_at_share(limit, noticed), accept_wide_band)
     return limit
 
 

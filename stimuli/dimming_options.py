@@ -127,6 +127,14 @@ class WithinLimit:
         NamedRateLimit,
         limits(help="How fast luminance may change: a preset, or rate_limit.json of `evenlight fit`."),
     ] = "surace2025"
+    noticed: Annotated[
+        float | None,
+        limits(
+            metavar="SHARE",
+            help="How often the median person may notice a change at the limit, guesses aside: 0.5, say.",
+            show_default="as fitted: 75 % of all trials",
+        ),
+    ] = None
     limit_curve: Annotated[
         Member[LimitCurve], expert(help="The fitted rate limit, or the lower (safe) edge of its 95 % band.")
     ] = LimitCurve.FITTED

@@ -151,11 +151,16 @@ def _with_function(fit: RateLimitFit, joint: JointFit | None) -> RateLimitFit:
     """
     if fit.limit.model is RateLimitModel.POOLED or not fit.own:
         return fit
-    width = float(np.exp(np.mean(np.log([t.width for t in fit.own]))))
+    width, ends = float(np.exp(np.mean(np.log([t.width for t in fit.own])))), None
     guess, lapse = np.mean([(t.guess_rate, t.lapse_rate) for t in fit.own], axis=0).tolist()
     if fit.limit.model is RateLimitModel.JOINT and joint is not None:
-        width, lapse = joint.width, joint.lapse_rate
-    limit = dataclasses.replace(fit.limit, width=width, guess_rate=guess, lapse_rate=lapse)
+        width, ends, lapse = joint.width, joint.width_range, joint.lapse_rate
+    spread = None
+    if fit.participant_sd is not None and fit.limit.form is not RateLimitForm.RATE:  # whose SDs are of rates
+        spread = float(np.hypot(fit.participant_sd, fit.residual_sd or 0.0))
+    limit = dataclasses.replace(
+        fit.limit, width=width, width_range=ends, participant_sd=spread, guess_rate=guess, lapse_rate=lapse
+    )
     return dataclasses.replace(fit, limit=limit)
 
 

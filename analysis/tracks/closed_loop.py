@@ -164,7 +164,7 @@ def _summary_table(summary: OptimizationSummary) -> Table:
             ("at the rate limit, of the time", _percent(s.share_at_limit), 0.0, "%"),
             ("near it (above 90 % of it), of the time", _percent(s.share_near_limit), 0.0, "%"),
             ("reversals of the brightness", s.reversals_per_s, 0.0, "1/s"),
-            ("detectability of its changes, d′", s.detectability, 0.0, "1"),
+            ("detectability of its changes, d′", s.watched.d_prime if s.watched else None, 0.0, "1"),
             ("length", s.duration, s.duration, "s"),
             ("frames", s.frames, s.frames, "1"),
             ("time for loss curves", s.curves_s, None, "s"),

@@ -75,7 +75,7 @@ class _ControlledVideo:
     def __init__(self, curves: LossCurves, asked: ControlJob) -> None:
         self.curves, self.asked, self.settings, self.start = curves, asked, asked.settings, asked.start_factor
         request, reflected = asked.work.request, curves.display.reflected_luminance
-        self._limit = scalar_rate_limit(request.rate_limit, reflected, request.limit_curve)
+        self._limit = scalar_rate_limit(request.limit, reflected, request.limit_curve)
         white = request.modulated is ModulatedLuminance.WHITE_FIELD
         self.luminance = (
             np.full(curves.n_frames, curves.display.peak_luminance) if white else curves.mean_luminance
@@ -193,6 +193,7 @@ class _ControlledVideo:
         """Return the track, and its summary beside constant dimming of equal mean factor."""
         curves, work, mean = self.curves, self.asked.work, min(run.mean_factor, 1.0)
         asked, reflected = work.request, curves.display.reflected_luminance
+        limit = asked.limit
         if self.asked.budget is None:
             asked = replace(asked, budget=mean, budget_unit=BudgetUnit.FACTOR)
         problem = Problem(
@@ -200,7 +201,7 @@ class _ControlledVideo:
             budget_weights=run.time_share,
             baseline_factor=mean,
             luminance=np.asarray(self.luminance),
-            rate_limit=lambda light: rate_limit_at(asked.rate_limit, light + reflected, asked.limit_curve),
+            rate_limit=lambda light: rate_limit_at(limit, light + reflected, asked.limit_curve),
         )
         solver = ONLINE if self.asked.lookahead is None else LOOKAHEAD
         header = replace(track_header(replace(work, request=asked), curves, [curves]), solver=solver)

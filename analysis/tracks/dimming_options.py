@@ -95,8 +95,9 @@ class Dimmed(WithinLimit, OnDisplay):
             number("budget", budget),
             choice("budget_unit", unit, BudgetUnit),
             load_power_model(self.power_model),
-            usable_limit(limit, display, self.other_display_ok, self.accept_wide_band),
+            usable_limit(limit, display, self.other_display_ok, self.accept_wide_band, self.noticed),
             choice("limit_curve", self.limit_curve, LimitCurve),
+            noticed=self.noticed,
         )
 
     def shown_on(self, curves: File | None = None) -> Display:

@@ -228,10 +228,11 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         rate_limit_procedure=request.rate_limit.procedure,
         pixels_per_degree=curves.display.pixels_per_degree,
         field_of_view=curves.field_of_view,
-        wide_band_accepted=bool(request.rate_limit.wide_band),
+        wide_band_accepted=bool(request.limit.wide_band),
         actuator=curves.actuator,
         display=display,
         panel=request.power_model,
+        noticed=request.noticed,
         film=film_reading(job.source),
     )
 

@@ -10,6 +10,7 @@ import math
 
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.wording import percent, sentence
+from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.online.gain import NO_GAIN
@@ -89,8 +90,9 @@ def compared(ours: float, constant: float) -> str:
 
 
 def gain_in_words(summary: OptimizationSummary) -> tuple[str, ...]:
-    """Return what a track saves, costs and gains, and what of its film is left out, in three to six lines."""
-    lines = (_saving(summary), _cost(summary), _minimized(summary), evenness(summary), _off_budget(summary))
+    """Return what a track saves, costs and gains, and who notices it, in three to seven lines."""
+    gained = _saving(summary), _cost(summary), _minimized(summary), evenness(summary), _off_budget(summary)
+    lines = (*gained, _watched(summary))
     return *(line for line in lines if line), *(() if summary.film is None else summary.film.notes)
 
 
@@ -123,7 +125,7 @@ def key_figures(summary: OptimizationSummary) -> tuple[KeyFigure, ...]:
         KeyFigure(
             f"{100 * ratio:.0f} %",
             "of the rate limit, fastest change",
-            (seen := noticed(summary)) and f"an observer {seen}",
+            noticed(summary),
             warns=ratio > 1 + SAME_POWER,
         ),
     )
@@ -292,25 +294,35 @@ def detection_in_words(summary: OptimizationSummary) -> str:
         often = "reverses once a second"
     elif 0 < turns < 1:
         often = f"reverses once in {1 / turns:{'.2g' if turns > 0.1 else '.0f'}} s"
-    words = f"The track is {how_near} and {often}. "
-    if summary.detectability is None:
-        return f"{words}How well that can be detected is known only for a limit of `evenlight fit`."
-    if summary.windows_noticed is None:
-        return (
-            f"{words}For someone who watches a plain screen, d′ = {summary.detectability:.2g} over all of it."
-        )
-    return f"{words}Someone who watches a plain screen for changes {noticed(summary)}, false alarms included."
+    words, seen = f"The track is {how_near} and {often}.", summary.watched
+    if seen is None or seen.d_prime is None:
+        return words
+    return f"{words} For someone who watches a plain screen, d′ = {seen.d_prime:.2g} over all of it."
 
 
 def noticed(summary: OptimizationSummary) -> str:
-    """Return how many periods an observer would notice; nothing where that is not known.
-
-    A period is as long as a ramp of the calibration.
-    """
-    found, periods = summary.windows_noticed, summary.windows
-    if found is None or not periods:
+    """Return in how many periods of a ramp's length changes are noticed; nothing where that is not known."""
+    seen = summary.watched
+    if seen is None:
         return ""
-    return f"would notice {found:.1f} of {periods} periods ({100 * found / periods:.0f} %)"
+    # who judged two intervals did not say that they noticed anything
+    two = summary.rate_limit_procedure is Procedure.TWO_INTERVAL
+    found = "told from stillness" if two else "noticed"
+    return (
+        f"{found} in {percent(seen.noticed, 0)} of its periods by the median person, in "
+        f"{percent(seen.noticed_sensitive, 0)} by a sensitive one{' (assumed)' * bool(seen.assumed)}"
+    )
+
+
+def _watched(summary: OptimizationSummary) -> str:
+    """Return the same with what a period and who a sensitive person is, and what is assumed of people."""
+    seen = summary.watched
+    if seen is None:
+        return ""
+    moved = "" if summary.noticed is None else f", of a limit for {100 * summary.noticed:g} % noticed"
+    each = f"periods of {summary.duration / seen.periods:.2g} s, the most sensitive 5 % of people"
+    assumed = f"; {seen.assumed}" if seen.assumed else ""
+    return f"who watches a plain screen{moved}: {noticed(summary)} ({each}{assumed})"
 
 
 def rate_in_words(summary: OptimizationSummary) -> str:

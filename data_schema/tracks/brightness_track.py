@@ -22,6 +22,7 @@ from evenlight.data_schema.quantities import (
     Array,
     array_shapes,
     as_in,
+    count,
     described,
     file_key,
     one_line,
@@ -53,6 +54,23 @@ class BudgetUnit(enum.Enum):
     FACTOR = "factor"  # mean brightness factor, as in the paper
     POWER = "power"  # share of the power at full brightness
     WATT = "watt"  # mean power
+
+
+@record
+class WatchedTrack:
+    """How well people who watch a plain screen for a track's changes notice them."""
+
+    periods: int = count("periods of a ramp's duration that the track is cut into", minimum=1)
+    noticed: float = share(
+        "share of them in which the median participant notices a change, beyond guesses and lapses"
+    )
+    noticed_sensitive: float = share(
+        "the same for a sensitive participant, whose threshold is at the 5th percentile"
+    )
+    d_prime: float | None = quantity(
+        "1", "d′ over all periods; null where its psychometric function is assumed", minimum=0.0
+    )
+    assumed: str = described("what of people was assumed for that; empty where the calibration tells")
 
 
 @record
@@ -97,6 +115,14 @@ class TrackHeader:
     )
     panel: PowerModel | None = described(
         "the power model that it was made with; null in tracks of earlier versions", default=None
+    )
+    noticed: float | None = share(
+        "share of detections, beyond guesses and lapses, that the rate limit was moved to; null: as fitted",
+        above=0.0,
+        default=None,
+    )
+    watched: WatchedTrack | None = described(
+        "how well its changes are noticed by who watches for them; null if not known", default=None
     )
     film: FilmReading | None = described(
         "how the video's file was read; null where only loss curves were, and in older tracks", default=None

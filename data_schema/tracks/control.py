@@ -121,3 +121,4 @@ class LiveControl:
         default=None,
     )
     wide_band_accepted: bool = as_in(OptimizationSummary, "wide_band_accepted")
+    noticed: float | None = as_in(OptimizationSummary, "noticed")

@@ -7,7 +7,13 @@ from typing import ClassVar
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import as_in, count, described, quantity, record, share
 from evenlight.data_schema.recordings.ramp import Procedure
-from evenlight.data_schema.tracks.brightness_track import PROCEDURE, WIDE_BAND, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import (
+    PROCEDURE,
+    WIDE_BAND,
+    BudgetUnit,
+    TrackHeader,
+    WatchedTrack,
+)
 from evenlight.data_schema.tracks.film_reading import FilmReading
 
 
@@ -90,7 +96,7 @@ class ControlSummary:
 class OptimizationSummary:
     """What an optimization achieved; the keys of `summary.json`."""
 
-    FORMER_KEYS: ClassVar = ("curves_tolerance", "counted")
+    FORMER_KEYS: ClassVar = ("curves_tolerance", "counted", "detectability", "windows", "windows_noticed")
 
     video: str = as_in(TrackHeader, "video")
     display: str = described("name of the display")
@@ -188,23 +194,8 @@ class OptimizationSummary:
         key="reversals_per_s",
         default=None,
     )
-    detectability: float | None = quantity(
-        "1",
-        "d′ of who watches the whole track on a plain screen for changes of brightness; null if the rate "
-        "limit's psychometric function is not known",
-        minimum=0.0,
-        default=None,
-    )
-    windows: int | None = count(
-        "ramps of the calibration's duration that d′ is accumulated over", minimum=1, default=None
-    )
-    windows_noticed: float | None = quantity(
-        "1",
-        "those of them expected to be reported as a change, false alarms among them; null if not known, as "
-        "for a calibration by two intervals",
-        minimum=0.0,
-        default=None,
-    )
+    noticed: float | None = as_in(TrackHeader, "noticed")
+    watched: WatchedTrack | None = as_in(TrackHeader, "watched")
     minimized: MinimizedOutcome | None = described(
         "what was minimized, where that is not the objective (the spread); else null", default=None
     )

@@ -52,6 +52,14 @@ class FollowOptions:
     rate_limit: Annotated[
         str | None, limits(help="The rate limit that the track was made with, if it was a file.")
     ] = None
+    noticed: Annotated[
+        float | None,
+        expert(
+            metavar="SHARE",
+            help="Share of detections that the limit is moved to, as of `optimize`.",
+            show_default="that of the track",
+        ),
+    ] = None
     limit_curve: Annotated[
         LimitCurve, expert(help="The fitted rate limit, or the lower (safe) edge of its band.")
     ] = LimitCurve.FITTED

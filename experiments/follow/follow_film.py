@@ -132,7 +132,7 @@ def _wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, Sca
     matched = match_track(video, options.track, display, other_video_ok=options.other_video_ok)
     loaded, shown_on = matched.loaded, matched.display
     require_light_of(loaded.track, shown_on, track_file(options.track))
-    limit = track_rate_limit(loaded.track, options.rate_limit)
+    limit = track_rate_limit(loaded.track, options.rate_limit, options.noticed)
     fastest = scalar_rate_limit(limit, shown_on.reflected_luminance, options.limit_curve)
     return film_light(loaded, shown_on, video.reading), fastest
 

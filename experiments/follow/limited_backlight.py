@@ -22,6 +22,7 @@ from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, frame_durations
 from evenlight.hardware.protocols import Backlight
 from evenlight.method.choices import ModulatedLuminance
+from evenlight.method.detectability import limit_at_share
 from evenlight.method.preset_files import load_rate_limit, preset_names
 from evenlight.method.rate_limit import ScalarRateLimit, furthest_factor
 
@@ -56,8 +57,8 @@ def film_light(loaded: LoadedTrack, display: Display, reading: FilmReading) -> F
     return FilmLight(times, durations, factors, luminance, display.peak_luminance, reading)
 
 
-def track_rate_limit(track: BrightnessTrack, given: str | None) -> RateLimit:
-    """Return the rate limit that a track was made with.
+def track_rate_limit(track: BrightnessTrack, given: str | None, noticed: float | None = None) -> RateLimit:
+    """Return the rate limit that a track was made with, for the same share of detections or another one.
 
     Parameters
     ----------
@@ -65,6 +66,8 @@ def track_rate_limit(track: BrightnessTrack, given: str | None) -> RateLimit:
         The track.
     given : str or None
         Preset or file; None for the preset that the track names.
+    noticed : float, optional
+        Share of detections; else that of the track.
 
     Raises
     ------
@@ -83,7 +86,8 @@ def track_rate_limit(track: BrightnessTrack, given: str | None) -> RateLimit:
             f"the track was made with the rate limit {header.rate_limit!r}, and {given or limit.name} is "
             "another one: give that file with --rate-limit"
         )
-    return limit
+    noticed = header.noticed if noticed is None else noticed
+    return limit if noticed is None else limit_at_share(limit, noticed)
 
 
 class LimitedBacklight:

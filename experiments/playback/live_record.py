@@ -22,6 +22,7 @@ from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.experiments.playback.live_dimming import LiveBudget, LiveGovernor
 from evenlight.experiments.playback.play_options import LiveOptions
 from evenlight.method.choices import LimitCurve
+from evenlight.method.detectability import limit_at_share
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.gain import GainMonitor, gain_warning
 from evenlight.method.online.governor import (
@@ -85,7 +86,9 @@ class LiveDimming:
         """
         curve = LimitCurve(live.limit_curve)
         limit = load_rate_limit(live.rate_limit)
-        limit = usable_limit(limit, display, other_display_ok, live.accept_wide_band)
+        limit = usable_limit(limit, display, other_display_ok, live.accept_wide_band, live.noticed)
+        if live.noticed is not None:
+            limit = limit_at_share(limit, live.noticed)
         fastest = scalar_rate_limit(limit, display.reflected_luminance, curve)
         settings = ControllerSettings(live.target_loss or 0.0, **live.gains)
         if budget is not None:
@@ -136,6 +139,7 @@ def live_control(
         max_rate_ratio=_rate_ratio(rows),
         provenance=provenance_now(inputs=inputs),
         wide_band_accepted=bool(limit.wide_band),
+        noticed=limit.noticed,
         **({"target_loss": settings.target_loss} if dimming.budget is None else _met(dimming.budget, rows)),
     )
 

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, BudgetUnit, TrackHeader
+from evenlight.data_schema.tracks.brightness_track import (
+    BrightnessTrack,
+    BudgetUnit,
+    TrackHeader,
+    WatchedTrack,
+)
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
 from evenlight.method.choices import ObjectiveName
-from evenlight.method.detectability import detectability
+from evenlight.method.detectability import watched
 from evenlight.method.optimizer.lower_bound import checked_bound
 from evenlight.method.optimizer.optimize import Problem
 from evenlight.method.optimizer.request import Request
@@ -73,7 +77,7 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
         rate=np.where(unseen, 0.0, rate),
         rate_limit=np.where(unseen, own, limit),
         power=power(request.power_model, factors, curves.channel_means),
-        header=header,
+        header=replace(header, watched=_watched(problem, request, factors)),
     )
 
 
@@ -175,7 +179,8 @@ def summarize(
         battery_capacity=battery,
         battery_life=battery / mean_power if battery and mean_power > 0 else None,
         battery_life_full=battery / full_power if battery and full_power > 0 else None,
-        **_detected(problem, request, track),
+        noticed=header.noticed,
+        watched=header.watched,
     )
 
 
@@ -207,18 +212,16 @@ def reversals(factors: Array) -> int:
     return int(np.count_nonzero(signs[1:] != signs[:-1]))
 
 
-def _detected(problem: Problem, request: Request, track: BrightnessTrack) -> dict[str, Any]:
-    """Return how well the track's changes can be detected, against the fitted limit whichever was obeyed."""
-    reflected = problem.curves.display.reflected_luminance
-
-    def fitted_limit(emitted: Array) -> Array:
-        return rate_limit_at(request.rate_limit, emitted + reflected)
-
-    fitted = allowed_rate(track.factors, problem.luminance, fitted_limit)
-    moving = track.rate != 0
-    ratios = np.divide(track.rate, np.maximum(fitted, LEAST_LIMIT), out=np.zeros_like(fitted), where=moving)
-    found = detectability(request.rate_limit, ratios, problem.curves.durations)
-    return dict(zip(("detectability", "windows", "windows_noticed"), found, strict=True)) if found else {}
+def _watched(problem: Problem, request: Request, factors: Array) -> WatchedTrack | None:
+    """Return how well a track's changes are detected, by the limit's curve whichever edge was obeyed."""
+    durations, reflected = problem.curves.durations, problem.curves.display.reflected_luminance
+    fitted = allowed_rate(
+        factors, problem.luminance, lambda emitted: rate_limit_at(request.rate_limit, emitted + reflected)
+    )
+    rate = modulation_rate(factors, problem.luminance, durations)
+    moving = (rate != 0) & ~np.isinf(problem.allowed_rate(factors))  # the step to another clip is unseen
+    ratios = np.divide(rate, np.maximum(fitted, LEAST_LIMIT), out=np.zeros_like(fitted), where=moving)
+    return watched(request.rate_limit, ratios, durations)
 
 
 def limit_without_allowances(problem: Problem, factors: Array) -> Array:

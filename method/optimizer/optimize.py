@@ -165,9 +165,7 @@ def pose(curves: LossCurves, request: Request, joints: Sequence[int] = ()) -> Pr
         luminance = curves.mean_luminance
     else:
         luminance = np.full(curves.n_frames, curves.display.peak_luminance)
-    limit = partial(
-        _limit_of_emitted, request.rate_limit, request.limit_curve, curves.display.reflected_luminance
-    )
+    limit = partial(_limit_of_emitted, request.limit, request.limit_curve, curves.display.reflected_luminance)
     importance = frame_weights(curves, request.weights)
     allowances = step_allowances(curves, request.allowances, joints)
     return Problem(curves, weights, factor, luminance, limit, importance, allowances, request.minimized)

@@ -19,6 +19,7 @@ from evenlight.data_schema.rate_limit import RateLimit
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit, VideoSection
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
+from evenlight.method.detectability import limit_at_share
 from evenlight.method.optimizer.objective import SPREAD, Objective
 from evenlight.method.power import power_per_factor
 
@@ -30,7 +31,7 @@ class Request:
     budget: float  # in `budget_unit`
     budget_unit: BudgetUnit  # mean factor, share of the power at full brightness, or watt
     power_model: PowerModel  # of the panel
-    rate_limit: RateLimit  # ΔL(L), fitted on the curves' display
+    rate_limit: RateLimit  # ΔL(L) as fitted, on the curves' display
     limit_curve: LimitCurve = LimitCurve.FITTED  # the fitted curve, or the lower edge of its band
     modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN  # whose luminance the rate limit is about
     weights: tuple[VideoSection, ...] = ()  # sections that count more or less than others
@@ -38,6 +39,12 @@ class Request:
     allowances: tuple[VideoSection, ...] = ()
     minimized: Objective = SPREAD  # what is minimized
     battery: float | None = None  # capacity of the battery that the panel draws on [Wh]; None: not known
+    noticed: float | None = None  # share of detections to keep to; None: that of the fitted limit
+
+    @property
+    def limit(self) -> RateLimit:
+        """The rate limit to keep to: as fitted, or for the share of detections that is asked for."""
+        return self.rate_limit if self.noticed is None else limit_at_share(self.rate_limit, self.noticed)
 
 
 def budget_as_factor(curves: LossCurves, request: Request) -> tuple[float, Array]:

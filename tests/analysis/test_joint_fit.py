@@ -157,6 +157,11 @@ def test_with_many_answers_the_curve_is_the_geometric_mean_and_the_band_students
     middle = found[np.argmin(np.abs(fit.band_luminance - 30.0))]
     assert 0.9 * half < middle < 1.25 * half
     assert fit.width == pytest.approx(WIDTH, rel=0.1)
+    # Widths that are all alike, with four people of SD 0.4 before: the error of a mean of eight ln(width).
+    error = 1.96 * (4 * 0.4**2 / (8 + 4)) ** 0.5 / 8**0.5
+    low, high = fit.width_range
+    assert low < WIDTH < high
+    assert 0.95 * error < np.log(high / low) / 2 < 1.4 * error
     factors = np.array([one.factor for one in fit.participants])
     np.testing.assert_allclose(factors, np.exp(ln_factors - ln_factors.mean()), rtol=0.06)
 

@@ -84,6 +84,9 @@ def test_the_limit_knows_the_psychometric_function_that_it_is_a_point_of(joint: 
         assert limit.width == pytest.approx(1.4, rel=0.15), model
         assert limit.guess_rate == pytest.approx(0.05, abs=0.02), model
         assert limit.lapse_rate == pytest.approx(0.02, abs=0.02), model
+        assert 0.15 < limit.participant_sd < 0.6, model  # seven people of SD 0.25
+    low, high = joint.rate_limit.limit.width_range
+    assert low < joint.rate_limit.limit.width < high
     pooled = joint.models.fits[RateLimitModel.POOLED].limit
     assert (pooled.width, pooled.guess_rate, pooled.lapse_rate) == (None, None, None)
 

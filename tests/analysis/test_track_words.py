@@ -1,5 +1,7 @@
 """The lines that a result begins with: what is saved, what that costs, how evenly, in words that are true."""
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -15,10 +17,12 @@ from evenlight.analysis.tracks.track_words import (
     outcome_in_words,
     rate_in_words,
 )
-from evenlight.data_schema.tracks.brightness_track import BudgetUnit
+from evenlight.data_schema.recordings.ramp import Procedure
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, WatchedTrack
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome
 
 LITTLE = "little to gain here: constant dimming already loses nearly the same in every frame"
+WATCHED = WatchedTrack(periods=8, noticed=0.71, noticed_sensitive=0.94, d_prime=1.9, assumed="")
 
 
 def test_a_film_with_much_to_gain_says_what_is_saved_what_it_costs_and_how_evenly() -> None:
@@ -199,8 +203,8 @@ def test_the_key_figures_tell_the_same_numbers_in_the_same_units() -> None:
         "difference in loss between two frames: 1.20 points (constant dimming 4.00; best possible 0.50)"
     )
     assert rate.in_words == "of the rate limit, fastest change: 100 %"
-    seen = key_figures(summary(detectability=1.9, windows=8, windows_noticed=5.7))[-1]
-    assert seen.beside == "an observer would notice 5.7 of 8 periods (71 %)"
+    seen = key_figures(summary(watched=WATCHED))[-1]
+    assert seen.beside == "noticed in 71 % of its periods by the median person, in 94 % by a sensitive one"
     assert not rate.warns
     assert key_figures(summary(max_rate_ratio=1.01))[-1].warns
     assert "constant dimming 1.10 W" in key_figures(summary(baseline_power=1.1))[0].beside
@@ -215,22 +219,33 @@ def test_the_first_words_of_a_track_are_few() -> None:
 @pytest.mark.parametrize(
     ("near", "turns", "words"),
     [
-        (0.998, 0.025, "The track is near its limit all the time and reverses once in 40 s. "),
-        (0.634, 2.5, "The track is near its limit 63 % of the time and reverses 2.5 times a second. "),
-        (0.998, 1.0, "The track is near its limit all the time and reverses once a second. "),
-        (0.001, 0.0, "The track is never near its limit and never reverses. "),
+        (0.998, 0.025, "The track is near its limit all the time and reverses once in 40 s."),
+        (0.634, 2.5, "The track is near its limit 63 % of the time and reverses 2.5 times a second."),
+        (0.998, 1.0, "The track is near its limit all the time and reverses once a second."),
+        (0.001, 0.0, "The track is never near its limit and never reverses."),
     ],
 )
 def test_how_near_its_limit_a_track_is_is_told_by_time(near: float, turns: float, words: str) -> None:
     known = {"share_near_limit": near, "reversals_per_s": turns}
-    assert detection_in_words(summary(**known)).startswith(words)
-    told = detection_in_words(summary(**known, detectability=1.9, windows=8, windows_noticed=5.7))
-    assert told == (
-        f"{words}Someone who watches a plain screen for changes would notice 5.7 of 8 periods (71 %), false "
-        "alarms included."
-    )
-    assert "d′ = 1.9" in detection_in_words(summary(**known, detectability=1.9))
+    assert detection_in_words(summary(**known)) == words
+    told = detection_in_words(summary(**known, watched=WATCHED))
+    assert told == f"{words} For someone who watches a plain screen, d′ = 1.9 over all of it."
     assert "older file" in detection_in_words(summary())
+
+
+def test_who_notices_a_track_is_told_with_what_was_assumed_and_by_what_task() -> None:
+    watched = "who watches a plain screen"
+    by = "in 71 % of its periods by the median person, in 94 % by a sensitive one"
+    each = "(periods of 5 s, the most sensitive 5 % of people"
+    known = {"duration": 40.0, "watched": WATCHED}
+    assert gain_in_words(summary(**known))[-1] == f"{watched}: noticed {by} {each})"
+    moved = gain_in_words(summary(**known, noticed=0.25))[-1]
+    assert moved.startswith(f"{watched}, of a limit for 25 % noticed: noticed in 71 %")
+    two = gain_in_words(summary(**known, rate_limit_procedure=Procedure.TWO_INTERVAL))[-1]
+    assert two.startswith(f"{watched}: told from stillness in 71 %")
+    assumed = replace(WATCHED, d_prime=None, assumed="width 1.6")
+    told = gain_in_words(summary(duration=40.0, watched=assumed))[-1]
+    assert told == f"{watched}: noticed {by} (assumed) {each}; width 1.6)"
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import evenlight
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.contrast.loss_curves import analyze_frames
+from evenlight.method.detectability import limit_at_share
 from evenlight.method.online.control_curves import control_ahead, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.online.lookahead import LookaheadSettings
@@ -46,12 +47,20 @@ def test_no_step_is_faster_than_the_rate_limit() -> None:
     frames = [Frame(k / RATE, 1 / RATE, pixels) for k, pixels in enumerate(scene())]
     curves = analyze_frames(iter(frames), "scene", display)
     allowed = scalar_rate_limit(limit, display.reflected_luminance)
-    for settings in ({"target_loss": 0.3}, {"budget": 0.3, "horizon": 5.0}):
+    half = scalar_rate_limit(limit_at_share(limit, 0.5), display.reflected_luminance)
+    assert half(40.0) < 0.8 * allowed(40.0)
+    for settings in (
+        {"target_loss": 0.3},
+        {"budget": 0.3, "horizon": 5.0},
+        {"target_loss": 0.3, "noticed": 0.5},
+    ):
         online = evenlight.OnlineController(**settings, fps=RATE, start_factor=0.9)
         factors = np.array([online.step(frame) for frame in frames])
         rate = modulation_rate(factors, curves.mean_luminance, curves.durations)
         bound = allowed_rate(
-            factors, curves.mean_luminance, lambda L: np.array([allowed(x) for x in L.tolist()])
+            factors,
+            curves.mean_luminance,
+            lambda L, own=half if "noticed" in settings else allowed: np.array([own(x) for x in L.tolist()]),
         )
         assert np.abs(rate[:-1] / bound[:-1]).max() <= 1 + 1e-6
         assert factors[-1] < 0.85

@@ -17,6 +17,7 @@ from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack
 from evenlight.experiments.follow.limited_backlight import film_light, track_rate_limit
+from evenlight.method.detectability import limit_at_share
 from evenlight.method.preset_files import load_display, load_rate_limit
 
 FLAT = RateLimit("flat", "d", "", RateLimitForm.RATE, (2.0,), (1e-3, 1000.0))  # 2 cd/m^2/s at any luminance
@@ -52,5 +53,9 @@ def test_the_rate_limit_is_the_one_of_the_track(tmp_path: Path) -> None:
         track_rate_limit(a_track(header=lab), None)
     write_json_record(tmp_path / "flat.json", FLAT)
     assert track_rate_limit(a_track(header=lab), str(tmp_path / "flat.json")) == FLAT
+    moved = replace(lab, noticed=0.5)  # made for half of the detections: so it is followed, or as asked
+    for asked, share in ((None, 0.5), (0.25, 0.25)):
+        found = track_rate_limit(a_track(header=moved), str(tmp_path / "flat.json"), asked)
+        assert found == limit_at_share(FLAT, share)
     with pytest.raises(InputError, match="surace2025 is another one"):
         track_rate_limit(a_track(header=lab), "surace2025")

@@ -13,7 +13,7 @@ from scipy import special, stats
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
-from evenlight.method.detectability import detectability, function_of, window_ratios
+from evenlight.method.detectability import function_of, watched, window_ratios
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import (
     THRESHOLD_D_PRIME,
@@ -226,18 +226,18 @@ def test_windows_are_ramps_by_where_they_get_to() -> None:
 
 
 def test_four_ramps_at_the_limit_are_twice_as_detectable_as_one() -> None:
-    one = detectability(KNOWN, np.ones(50), np.full(50, 0.1))
-    four = detectability(KNOWN, np.ones(200), np.full(200, 0.1))
+    one = watched(KNOWN, np.ones(50), np.full(50, 0.1))
+    four = watched(KNOWN, np.ones(200), np.full(200, 0.1))
     assert one is not None
     assert four is not None
-    assert (one[1], four[1]) == (1, 4)  # windows
-    assert one[0] == pytest.approx(0.6744898 + 1.0, abs=1e-6)  # d'
-    assert four[0] == pytest.approx(2 * one[0])
-    assert four[2] == pytest.approx(4 * 0.75)  # windows noticed
-    nothing = detectability(KNOWN, np.zeros(200), np.full(200, 0.1))
+    assert (one.periods, four.periods) == (1, 4)
+    assert one.d_prime == pytest.approx(0.6744898 + 1.0, abs=1e-6)
+    assert four.d_prime == pytest.approx(2 * one.d_prime)
+    assert four.noticed == pytest.approx((0.75 - GUESS) / (1 - GUESS))  # beyond guesses
+    nothing = watched(KNOWN, np.zeros(200), np.full(200, 0.1))
     assert nothing is not None
-    assert nothing[0] == pytest.approx(0.0, abs=1e-12)
-    assert nothing[2] == pytest.approx(4 * GUESS)  # false alarms
+    assert nothing.d_prime == pytest.approx(0.0, abs=1e-12)
+    assert (nothing.noticed, nothing.noticed_sensitive) == (0.0, 0.0)
 
 
 def test_an_ideal_watcher_of_simulated_evidence_does_as_d_prime_says() -> None:
@@ -246,9 +246,9 @@ def test_an_ideal_watcher_of_simulated_evidence_does_as_d_prime_says() -> None:
     function = replace(observer.function_at(40.0), threshold=1.0)
     assert function == function_of(KNOWN)
     ratios = np.array([0.0, 0.3, 0.6, 0.9, 0.4])
-    found = detectability(KNOWN, np.repeat(ratios, 50), np.full(250, 0.1))
+    found = watched(KNOWN, np.repeat(ratios, 50), np.full(250, 0.1))
     assert found is not None
-    of_track, _, noticed = found
+    noticed = 5 * (GUESS + (1 - GUESS) * found.noticed)  # false alarms included
     rng, n = np.random.default_rng(5), 40_000
     mean = d_prime(ratios, function)
     track, still = mean + rng.standard_normal((n, 5)), rng.standard_normal((n, 5))
@@ -256,18 +256,31 @@ def test_an_ideal_watcher_of_simulated_evidence_does_as_d_prime_says() -> None:
     assert reported.mean() == pytest.approx(noticed, abs=4 * reported.std() / n**0.5)
     np.testing.assert_allclose((track > 1.0).mean(axis=0), yes_probability(ratios, function), atol=0.01)
     right = (track @ mean > still @ mean).mean()  # which of two films changed?
-    assert right == pytest.approx(stats.norm.cdf(of_track / 2**0.5), abs=0.01)
+    assert right == pytest.approx(stats.norm.cdf(found.d_prime / 2**0.5), abs=0.01)
 
 
-def test_of_two_intervals_no_criterion_is_known() -> None:
+def test_of_two_intervals_it_is_what_is_told_beyond_chance() -> None:
     two = replace(KNOWN, procedure=Procedure.TWO_INTERVAL, guess_rate=0.5)
-    found = detectability(two, np.ones(50), np.full(50, 0.1))
+    found = watched(two, np.ones(50), np.full(50, 0.1))
     assert found is not None
-    assert found[0] == pytest.approx(0.954, abs=1e-3)
-    assert found[2] is None
+    assert found.d_prime == pytest.approx(0.954, abs=1e-3)
+    assert found.noticed == pytest.approx(0.5)  # 75 % right are 50 % seen and half of the others guessed
 
 
-def test_the_published_limit_does_not_tell() -> None:
-    # The paper prints thresholds, but no slope and no false alarms.
-    assert detectability(load_rate_limit("surace2025"), np.ones(9), np.ones(9)) is None
-    assert detectability(replace(KNOWN, ramp_duration=None), np.ones(9), np.ones(9)) is None
+def test_a_sensitive_person_notices_what_is_so_much_faster_for_them() -> None:
+    """By hand: e^(1.645 · 0.4) times as fast, 2 ln 19 / 1.6 logits for each unit of ln(rate)."""
+    known = replace(KNOWN, participant_sd=0.4)
+    found = watched(known, np.ones(50), np.full(50, 0.1))
+    assert found is not None
+    logit = np.log((0.75 - GUESS) / 0.25) + stats.norm.ppf(0.95) * 0.4 * 2 * np.log(19) / 1.6
+    assert found.noticed_sensitive == pytest.approx(1 / (1 + np.exp(-logit)))
+
+
+def test_what_the_published_limit_does_not_tell_is_assumed_and_said() -> None:
+    """The paper prints thresholds, but no slope and no false alarms."""
+    found = watched(load_rate_limit("surace2025"), np.ones(50), np.full(50, 0.1))
+    assert found is not None
+    assert found.noticed == pytest.approx(0.75)
+    assert found.d_prime is None
+    assert "width 1.6" in found.assumed
+    assert watched(replace(KNOWN, ramp_duration=None), np.ones(9), np.ones(9)) is None

@@ -9,6 +9,8 @@ import evenlight
 from evenlight.analysis.optimize_command import optimize as optimize_command
 from evenlight.analysis.reproduction.reproduction import _job
 from evenlight.analysis.tracks.track_words import detection_in_words
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
@@ -52,6 +54,24 @@ def test_the_reproduction_solves_the_papers_problem() -> None:
     assert _job(built_in_sequence("sunrise", duration=1.0), 0.5, display, limit).calm == 0
 
 
-def test_what_the_published_limit_cannot_tell_is_null(tracks) -> None:
-    summary = tracks[1].outcome
-    assert (summary.detectability, summary.windows, summary.windows_noticed) == (None, None, None)
+def test_a_share_of_detections_moves_the_limit_and_three_quarters_leave_it(tracks) -> None:
+    curves, _, exact = tracks
+    usual, slow = (evenlight.optimize(curves, 0.5, calm=0.0, noticed=share) for share in (0.75, 0.25))
+    np.testing.assert_array_equal(usual.factors, exact.factors)
+    header, limit = slow.track.header, load_rate_limit("surace2025")
+    assert (usual.track.header.noticed, header.noticed, exact.track.header.noticed) == (0.75, 0.25, None)
+    assert header.provenance.inputs["rate_limit"] == sha256_of_record(limit)
+    ratio = np.exp(1.6 * np.log(1 / 9) / (2 * np.log(19)))  # logit 0.25 - logit 0.75
+    at_ends = ratio * limit(slow.track.mean_luminance)
+    np.testing.assert_allclose(slow.track.rate_limit[:-1], np.minimum(at_ends[:-1], at_ends[1:]))
+    assert slow.outcome.watched.noticed < 0.25 + 1e-9
+    assert slow.outcome.watched.noticed < exact.outcome.watched.noticed
+    with pytest.raises(InputError, match=r"below 1, got 75 \(0.75 is 75 %\)"):
+        evenlight.optimize(curves, 0.5, noticed=75)
+
+
+def test_what_the_published_limit_cannot_tell_is_assumed(tracks) -> None:
+    seen = tracks[1].outcome.watched
+    assert tracks[1].track.header.watched == seen
+    assert (seen.d_prime, 0 < seen.noticed < 0.75) == (None, True)
+    assert "assumed" in str(tracks[1])

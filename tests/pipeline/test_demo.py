@@ -63,9 +63,10 @@ def test_the_track_is_calm_and_says_how_detectable_it_is_by_the_calibration(fold
     assert summary.calm == 0.05
     assert summary.share_at_limit < 0.05
     # One window for each ramp's duration; a change in all of them would be "yes" in at most 75 %.
-    assert summary.windows == round(summary.duration / limit.ramp_duration)
-    assert limit.guess_rate * summary.windows <= summary.windows_noticed <= 0.75 * summary.windows
-    assert summary.detectability > 0
+    seen = summary.watched
+    assert seen.periods == round(summary.duration / limit.ramp_duration)
+    assert 0 < seen.noticed < min(0.75, seen.noticed_sensitive)
+    assert (seen.d_prime > 0, seen.assumed) == (True, "")
 
 
 def test_the_track_is_better_than_constant_dimming_at_equal_power(folder) -> None:

@@ -31,6 +31,7 @@ from evenlight.analysis.calibration.joint.population_curve import (
     luminance_groups,
     population_curve,
     smooth_basis,
+    width_sd,
 )
 from evenlight.analysis.calibration.psychometric.ramp_counts import Repeats, catch_counts
 from evenlight.analysis.calibration.psychometric.thresholds import MAX_FALSE_ALARM_RATE
@@ -55,6 +56,7 @@ CURVES_DRAWN = 4000  # Monte Carlo error of a 95 % band's level: 0.3 %
 SEED = 1
 STAGES = 4  # of the fit, for a progress bar
 CURVE_STEP = 0.05  # ln units of a coefficient, over which participants' deviations are differenced
+NORMAL_95 = float(special.ndtri(0.975))
 LEAST_INFORMATION = 1.0  # on ln(ratio): a standard error of 1; less says nothing of a participant's effect
 
 
@@ -76,6 +78,7 @@ class JointFit:
     participant_sd: SpreadEstimate  # σ_u between participants, in ln(rate)
     level_sd: SpreadEstimate  # τ of a participant's levels about their own curve
     width: float  # the median person's
+    width_range: tuple[float, float]  # and its 95 % credible interval
     lapse_rate: float  # mean
     participants: tuple[ParticipantFactor, ...]  # those counted
     shapes: tuple[ShapeScore, ...]  # compared
@@ -221,10 +224,12 @@ def _bands(
 def _people(population: PopulationCurve, smooth: SmoothTables) -> dict[str, Any]:
     spreads, central = [node.spread for node in population.nodes], population.central
     people = _participant_factors(population, smooth)
+    ends = central.spread.width_mean + NORMAL_95 * width_sd(population) * np.array([-1.0, 1.0])
     return {
         "participant_sd": _spread_estimate([one.participant_sd for one in spreads], population.weights),
         "level_sd": _spread_estimate([one.level_sd for one in spreads], population.weights),
         "width": float(np.exp(central.spread.width_mean)),
+        "width_range": tuple(np.exp(ends).tolist()),
         "lapse_rate": float(np.mean([person.lapse_rate for person in people])),
         "participants": people,
     }

@@ -43,6 +43,7 @@ LARGEST_MOVE = 0.5  # ln units, in one step of the search
 NEAR_MODE = 0.05  # ln units from which the likelihood is quadratic up to the mode
 LONGEST_CLIMB = 30  # steps
 TYPICAL_DEVIATION = 0.2
+WIDTH_STEP = 0.1  # of ln(width), over which its posterior's curvature is differenced
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,6 +94,22 @@ class PopulationCurve:
                 root = np.linalg.cholesky(np.linalg.inv(node.precision))
                 drawn.append(node.mean + rng.standard_normal((count, node.mean.size)) @ root.T)
         return np.concatenate(drawn)
+
+
+def width_sd(population: PopulationCurve) -> float:
+    """Return the posterior's standard deviation of the people's mean ln(width).
+
+    It is that of a normal posterior: from the curvature of the evidence, for which the curve is climbed
+    again at a smaller and at a larger mean, at the likeliest spreads.
+    """
+    central, smooth = population.central, smoothed(population.tables, population.central.spread.level_sd)
+
+    def evidence(step: float) -> float:
+        spread = replace(central.spread, width_mean=central.spread.width_mean + step)
+        return _best_of(_nodes_at(smooth, population.prior, spread, central.mean)).ln_evidence
+
+    bend = 2 * evidence(0.0) - evidence(WIDTH_STEP) - evidence(-WIDTH_STEP)
+    return float((max(bend, 0.0) / WIDTH_STEP**2 + WIDTH_MEAN_SD**-2) ** -0.5)
 
 
 def luminance_groups(luminance: Array) -> NDArray[np.intp]:
