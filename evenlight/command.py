@@ -7,6 +7,7 @@ import io
 import itertools
 import logging
 import os
+import re
 import signal
 import sys
 import threading
@@ -55,7 +56,10 @@ if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
     from evenlight.data_schema.result_request import ResultRequest
 
-app = typer.Typer(name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(
+    name="evenlight", cls=HelpfulGroup, pretty_exceptions_enable=False, rich_markup_mode=None,
+    context_settings={"help_option_names": ["--help", "-h"]},
+)  # fmt: skip
 
 INTERRUPTED, TERMINATED = 130, 143  # as shells count: 128 and the number of the signal
 STOPPED = {INTERRUPTED: "interrupted", TERMINATED: "terminated"}
@@ -286,6 +290,8 @@ def _usage(error: typer.BadParameter, given: Sequence[str]) -> str:
         said = f"{said.partition(' (')[0]}: {why}"
     elif possible := getattr(error, "possibilities", None):  # options that look like it
         said = f"{said.partition(' (')[0]}. Did you mean {' or '.join(possible)}?"
+    elif "valid number" in said and (share := re.search(r"(\d+\.?\d*) ?%", " ".join(given))):
+        said = f"{said.partition(': ')[0]}: {share[0]} is written {float(share[1]) / 100:g}"
     return f"{said}{' See' if said.endswith('?') else '; see'} {where} --help"
 
 

@@ -25,7 +25,7 @@ const plots = new Plots($("plots"), data, frame => { state.pointed = frame; tell
 function withoutPicture(why) {
   $("trouble").textContent = `No picture: this browser ${why}. The plots below work.`;
   $("trouble").hidden = false;
-  for (const id of ["panes", "choices", "notes"]) $(id).hidden = true;
+  for (const id of ["loading", "panes", "choices", "notes"]) $(id).hidden = true;
 }
 
 /** Set the picture up; without WebGL or a video that plays, the rest works all the same. */
@@ -65,6 +65,7 @@ async function pictureOf(url) {
 
 /** A picture is there: that of one place in the film, and of one frame of the video. */
 function shown(place, image, frame = data.picture.frames[place]) {
+  $("loading").hidden = true;
   const covers = () => lastAtMost(data.picture.frames, state.frame) === place;
   if (film.playing || (!covers() && !film.seeking)) state.frame = frame;
   state.pictured = covers() ? state.frame : frame; // of an earlier place while the one that is sought is on its way

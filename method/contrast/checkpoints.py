@@ -9,12 +9,13 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from time import monotonic
 
 import numpy as np
 
 from evenlight.data_schema.arrays import Array
 
-MINUTE = 60.0  # [s] of a video, from one checkpoint to the next
+EVERY = 10.0  # [s] of work, from one checkpoint to the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +46,7 @@ class AnalysedFrames:
 
 @dataclass(slots=True)
 class Checkpoints:
-    """Hands on what has been analysed of a video, a minute at a time.
+    """Hands on what has been analysed of a video, every few seconds of work.
 
     Attributes
     ----------
@@ -59,13 +60,15 @@ class Checkpoints:
     begun: AnalysedFrames | None = None
     _frames: int = field(default=0, init=False)  # kept by now
     _contents: int = field(default=0, init=False)
+    _last: float = field(init=False)  # when something was kept [s]
 
     def __post_init__(self) -> None:
+        self._last = monotonic()
         if self.begun is not None:
             self._frames, self._contents = self.begun.n_frames, len(self.begun.rows)
 
     def at(self, numbers: array[float], width: int, frames: tuple[Sequence[float], ...]) -> None:
-        """Keep what is complete, if a minute has passed.
+        """Keep what is complete, if it is time.
 
         Parameters
         ----------
@@ -77,14 +80,12 @@ class Checkpoints:
             Of all frames so far; they may be further than the rows.
         """
         times, durations, shown = frames
-        contents = len(numbers) // width
-        if shown[-1] < contents:  # more frames may show the last of them
+        contents, now = len(numbers) // width, monotonic()
+        if now - self._last < EVERY or shown[-1] < contents:  # more frames may show the last of them
             return
         end = bisect_left(shown, contents)  # the frame in which the next content appears
-        if times[end] - times[self._frames] < MINUTE:
-            return
         part = slice(self._frames, end)
         rows = np.array(numbers[self._contents * width :]).reshape(-1, width)
         kept = np.array(times[part]), np.array(durations[part]), np.array(shown[part])
         self.keep(AnalysedFrames(*kept, rows))
-        self._frames, self._contents = end, contents
+        self._frames, self._contents, self._last = end, contents, now

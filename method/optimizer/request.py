@@ -139,13 +139,17 @@ def _require_possible_on_oled(request: Request, lowest_factor: float) -> None:
 
 
 def _require_between(request: Request, limits: tuple[float, float], lowest_factor: float) -> None:
-    low, high = limits
+    (low, high), budget = limits, request.budget
     rounding = 1e-12 * high  # watts of any size
-    if not low - rounding <= request.budget <= high + rounding:
-        raise InputError(
-            f"the budget {request.budget:g} ({request.budget_unit.value}) cannot be met: factors from "
-            f"{lowest_factor:g} to 1 use {low:.4g} to {high:.4g}"
-        )
+    if low - rounding <= budget <= high + rounding:
+        return
+    way_out = f"; to dim further, lower `min_factor`, now {lowest_factor:g}" if 0 < budget < low else ""
+    if high == 1 and low <= budget / 100 <= 1:
+        way_out = f"; {budget:g} % are {budget / 100:g}"
+    raise InputError(
+        f"the budget {budget:g} ({request.budget_unit.value}) cannot be met: factors from "
+        f"{lowest_factor:g} to 1 use {low:.4g} to {high:.4g}{way_out}"
+    )
 
 
 def frame_weights(curves: LossCurves, sections: Sequence[VideoSection]) -> Array | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import itertools
 import os
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -26,6 +27,7 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.film_reading import Damaged, FilmReading
 from evenlight.data_schema.tracks.loss_curves import write_loss_curves
+from evenlight.method.contrast import checkpoints
 from evenlight.method.contrast.checkpoints import AnalysedFrames
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_contrast_model, load_display, load_power_model, load_rate_limit
@@ -79,6 +81,13 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "evenlight" / "curves"
 
 
+@pytest.fixture
+def steady(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A clock that tells contents, and a checkpoint after each twelve: they are shown in 15 frames."""
+    monkeypatch.setattr(checkpoints, "monotonic", itertools.count().__next__)
+    monkeypatch.setattr(checkpoints, "EVERY", 12)
+
+
 def written(job: OptimizationJob, path: Path) -> tuple[bytes, list[tuple[int, bytes]]]:
     """What an analysis comes to: the bytes of its file, and the frames that figures are made of."""
     samples = FrameSamples()
@@ -88,6 +97,7 @@ def written(job: OptimizationJob, path: Path) -> tuple[bytes, list[tuple[int, by
 
 # What is read is further than what is kept, by three contents.
 @pytest.mark.slow
+@pytest.mark.usefixtures("steady")
 @pytest.mark.parametrize(
     ("actuator", "breaks_at", "begun"),
     [(Actuator.BACKLIGHT, 45, 30), (Actuator.BACKLIGHT, 62, 45), (Actuator.PIXELS, 63, 60)],
@@ -162,6 +172,7 @@ def test_curves_of_other_code_are_not_taken(
     assert len(list(folder.iterdir())) == 2
 
 
+@pytest.mark.usefixtures("steady")
 def test_damaged_files_are_made_again(tmp_path: Path, folder: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         loss_curves_of(job_of(Slides(breaks_at=63)), FrameSamples())

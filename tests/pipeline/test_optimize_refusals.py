@@ -30,7 +30,9 @@ pixels_per_degree = 40
 }
 CURVES = "--jobs and --device are for computing loss curves, which --curves gives"
 ASKED = [  # words after the video, or the video itself with them; what is said
-    ("--budget 0.1", "the budget 0.1 (factor) cannot be met: factors from 0.2 to 1 use 0.2 to 1"),
+    ("--budget 0.1", "factors from 0.2 to 1 use 0.2 to 1; to dim further, lower --min-factor, now 0.2"),
+    ("--budget 50", "factors from 0.2 to 1 use 0.2 to 1; 50 % are 0.5"),
+    ("--budget 50%", "Invalid value for '--budget': 50% is written 0.5; see"),
     ("--budget -1", "cannot be met"),
     ("--budget 1e308", "cannot be met"),
     *((f"--min-factor {f}", f"--min-factor must lie in 0.001 to 0.99, got {f}")

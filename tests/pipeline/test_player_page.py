@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -41,6 +42,8 @@ from evenlight.data_schema.tracks.brightness_track import (
 
 SHOWN_CHOICES = """return [...document.querySelectorAll('#picture input:not(#seek), #legend, #notes')]
     .filter(e => e.checkVisibility()).map(e => e.id || e.value).join()"""  # of what to see of the picture
+
+LOADING = "return document.getElementById('loading').checkVisibility()"
 
 
 @pytest.fixture(scope="module")
@@ -342,19 +345,35 @@ def test_a_video_that_cannot_be_played_leaves_the_plots(
     assert headings(browser)[0][0] == pytest.approx(FACTORS[1], abs=0.0005)
 
 
-def test_a_browser_that_does_not_tell_of_frames_goes_by_the_clock(browser: Browser, page: Path) -> None:
+@contextmanager
+def with_script(browser: Browser, source: str) -> Iterator[None]:
+    """Pages that are opened run a script first."""
     added = "Page.addScriptToEvaluateOnNewDocument"
-    without = {"source": "delete HTMLVideoElement.prototype.requestVideoFrameCallback"}
-    name = browser.driver.execute_cdp_cmd(added, without)
+    name = browser.driver.execute_cdp_cmd(added, {"source": source})
     try:
+        yield
+    finally:
+        browser.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", name)
+        browser.driver.get("about:blank")
+
+
+def test_it_says_loading_until_a_picture_is_there(browser: Browser, page: Path) -> None:
+    with with_script(browser, "HTMLVideoElement.prototype.requestVideoFrameCallback = () => {}"):
+        browser.open(page)  # whose frames never come
+        browser.wait_for("return document.querySelector('#plots canvas, #plots svg') !== null")
+        assert text(browser, "#loading") == "Loading the pictures …"
+        assert browser.run(LOADING)
+    opened(browser, page)
+    assert not browser.run(LOADING)
+
+
+def test_a_browser_that_does_not_tell_of_frames_goes_by_the_clock(browser: Browser, page: Path) -> None:
+    with with_script(browser, "delete HTMLVideoElement.prototype.requestVideoFrameCallback"):
         opened(browser, page)
         go_to(browser, 27)
         browser.wait_for(lambda: np.abs(pixels(browser, "full")[:, 24:] - LEVELS[27]).max() <= 2)
         press(browser, " ")
         browser.wait_for("return +document.getElementById('frame').textContent > 30")
-    finally:
-        browser.driver.execute_cdp_cmd("Page.removeScriptToEvaluateOnNewDocument", name)
-        browser.driver.get("about:blank")
 
 
 def test_without_webgl_it_says_so_and_the_rest_works(page: Path) -> None:
