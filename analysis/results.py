@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
 from abc import ABC, abstractmethod
+from base64 import b64encode
 from collections.abc import Mapping
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
@@ -130,6 +133,18 @@ class Result(ABC):
 
     def __repr__(self) -> str:
         return f"<{self.heading}>\n{self.summary()}"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the heading, the first lines and the first figure."""
+        lead, key_figures = self.first_lines
+        figures = [
+            f'<img src="data:image/png;base64,{b64encode(png_bytes(figure)).decode()}" '
+            f'alt="{escape(name)}" style="max-width: 36em; width: 100%">'
+            for name, figure in itertools.islice(self.figures.items(), 1)
+        ]
+        items = "".join(f"<li>{escape(own.in_words)}</li>" for own in key_figures)
+        words = f"<p><strong>{escape(self.heading)}</strong></p><p>{escape(lead)}</p><ul>{items}</ul>"
+        return words + "".join(figures)
 
 
 @dataclass(frozen=True, slots=True, repr=False, eq=False)

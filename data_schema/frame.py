@@ -119,13 +119,27 @@ class Frame:
         return f"<Frame at {self.time:g} s for {self.duration:g} s: {width} x {height} pixels, {kind}>"
 
 
+def _way_out(shape: tuple[int, ...]) -> str:
+    """Return how an array of another layout becomes a frame, if it looks like one; else nothing.
+
+    >>> _way_out((3, 90, 160))
+    '; channels come last: numpy.moveaxis(frame, 0, -1)'
+    """
+    if len(shape) == 2:
+        return "; of gray, give numpy.stack([frame] * 3, axis=-1)"
+    if len(shape) == 3 and shape[2] == 4:
+        return "; without alpha: frame[..., :3]"
+    first = len(shape) == 3 and shape[0] in (3, 4)
+    return "; channels come last: numpy.moveaxis(frame, 0, -1)" if first else ""
+
+
 def _check(pixels: NDArray[Any], time: float) -> None:
     if not isinstance(pixels, np.ndarray):
         raise ArgumentError("pixel_values", f"must be an array, got {shown_kind(pixels)}")
     if pixels.ndim != 3 or pixels.shape[2] != 3 or pixels.dtype.name not in PIXEL_TYPES:
         raise InputError(
             f"the frame at {time:g} s needs pixel values of shape (height, width, 3), "
-            f"{', '.join(PIXEL_TYPES)}, got {pixels.shape} of {pixels.dtype}"
+            f"{', '.join(PIXEL_TYPES)}, got {pixels.shape} of {pixels.dtype}{_way_out(pixels.shape)}"
         )
     # Compiled loops take pixel values for indices of tables: a NaN would read beyond their ends.
     if pixels.dtype.kind == "f" and pixels.size and not (pixels.min() >= 0 and pixels.max() <= 1):

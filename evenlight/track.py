@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from evenlight.analysis.figure_style import write_png
 from evenlight.analysis.report import KeyFigure
@@ -19,19 +21,22 @@ from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_results import CURVES, SUMMARY, TRACK, write_track_files
 from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
-from evenlight.data_schema.arguments import numbers, path
+from evenlight.data_schema.arguments import choice, numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.recordings.rig import Actuator
-from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.data_schema.storage.whole_files import require_free
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
     read_track,
     require_written_with,
     track_columns,
+    write_track,
 )
 from evenlight.data_schema.tracks.film_reading import Damaged
+from evenlight.data_schema.tracks.loaded_track import load_track
 from evenlight.data_schema.tracks.loss_curves import (
     LossCurves,
     read_loss_curves,
@@ -41,7 +46,19 @@ from evenlight.data_schema.tracks.optimization_summary import OptimizationSummar
 from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.preset_files import load_contrast_model
-from evenlight.stimuli.video.frames_in_memory import Frames, Named
+from evenlight.stimuli.dimmed.apply_options import (
+    AppliedVersion,
+    Codec,
+    DimmedFile,
+    DimmedVersion,
+    ExportFormat,
+)
+from evenlight.stimuli.dimmed.apply_video import apply_track
+from evenlight.stimuli.dimmed.dimming import pixel_scale
+from evenlight.stimuli.dimmed.encoders import codec_for
+from evenlight.stimuli.dimmed.matched_track import display_of, match_track
+from evenlight.stimuli.dimmed.track_export import exported_track, write_export
+from evenlight.stimuli.video.frames_in_memory import Frames, Named, frame_of, video_of
 from evenlight.stimuli.video.video_source import VideoSource
 
 if TYPE_CHECKING:
@@ -141,6 +158,132 @@ class Track(Result):
     def power(self) -> Array:
         """Return the power of the display in each frame [W], (N,)."""
         return self.track.power
+
+    def __iter__(self) -> Iterator[tuple[float, float]]:
+        """Yield when each frame appears [s], and its factor."""
+        return iter(zip(self.times.tolist(), self.factors.tolist(), strict=True))
+
+    def factor_at(self, times: ArrayLike) -> Array:
+        """Return b of the frames that are shown at times of the video.
+
+        Parameters
+        ----------
+        times : float or array_like, any shape
+            [s]; before the first frame its factor counts, after the last that one's.
+
+        Returns
+        -------
+        array, shape of times
+        """
+        shown = np.searchsorted(self.times, numbers("times", times), side="right") - 1
+        return np.asarray(self.factors[np.maximum(shown, 0)])
+
+    def dim(self, frame: Any, time: float) -> NDArray[Any]:
+        """Return a frame as its pixels show it dimmed, gamma-encoded.
+
+        Parameters
+        ----------
+        frame : array, (height, width, 3), or Frame
+            Gamma-encoded R, G, B: uint8 or uint16 over their full range, or floats in [0, 1].
+        time : float
+            When it is shown [s].
+
+        Returns
+        -------
+        array, shape and type of the frame
+            b^(1/γ) times its pixel values, γ that of the track's display; whole numbers are rounded.
+
+        Raises
+        ------
+        InputError
+            If it is no such array.
+        """
+        pixels = frame_of(frame).pixel_values
+        dimmed = pixels * pixel_scale(self.factor_at(time), display_of(self.track).gamma)
+        return (np.rint(dimmed) if pixels.dtype.kind == "u" else dimmed).astype(pixels.dtype)
+
+    def apply(
+        self,
+        video: Named | VideoSource | Frames,
+        out: Named,
+        *,
+        version: AppliedVersion | str = AppliedVersion.OURS,
+        codec: Codec | str | None = None,
+        fps: float | None = None,
+        other_video_ok: bool = False,
+        force: bool = False,
+    ) -> None:
+        """Write the video dimmed by the track to a file, as `evenlight apply` does.
+
+        Parameters
+        ----------
+        video : str, path, video or frames
+            That the track was made of; as in `optimize`.
+        out : str or path
+            File to write: .mp4, .mov or .mkv.
+        version : str, optional
+            "ours" (the track), "constant" (constantly at equal power) or "side-by-side".
+        codec : str, optional
+            "h264", "hevc10", "av1" or "ffv1"; else h264, in .mkv ffv1.
+        fps : float, optional
+            Frame rate of images, frames in memory or a built-in sequence [Hz].
+        other_video_ok : bool, optional
+            Whether another video with the same frame times is accepted.
+        force : bool, optional
+            Whether to replace the file if it exists.
+
+        Raises
+        ------
+        InputError
+            If the video is another one or cannot be read, or the file cannot be written.
+        """
+        file = path("out", out)
+        require_free(file, force=force)
+        asked = None if codec is None else choice("codec", codec, Codec)
+        made = DimmedFile(file, codec_for(file, asked), choice("version", version, AppliedVersion))
+        source = video_of(video, fps)
+        with self._written() as folder:
+            apply_track(source, match_track(source, folder, other_video_ok=other_video_ok), made)
+
+    def export(
+        self,
+        to: str,
+        out: Named,
+        *,
+        version: DimmedVersion | str = DimmedVersion.OURS,
+        force: bool = False,
+    ) -> None:
+        """Write the track for another program, as `evenlight track export` does.
+
+        Parameters
+        ----------
+        to : {"ffmpeg", "mpv", "json"}
+            A filter script, a Lua script, or times and factors.
+        out : str or path
+            File to write.
+        version : str, optional
+            "ours" (the track) or "constant" (constantly at equal power).
+        force : bool, optional
+            Whether to replace the file if it exists.
+
+        Raises
+        ------
+        InputError
+            If there is no such program, or the file cannot be written.
+        """
+        file, program = path("out", out), choice("to", to, ExportFormat).value
+        require_free(file, force=force)
+        with self._written() as folder:
+            loaded, shown = load_track(folder), choice("version", version, DimmedVersion)
+            write_export(file, exported_track(loaded, display_of(self.track), shown), program)
+
+    @contextmanager
+    def _written(self) -> Iterator[Path]:
+        """Write the files that other commands read, into a folder for as long as they do."""
+        with tempfile.TemporaryDirectory() as folder:
+            write_track(Path(folder) / TRACK, self.track)
+            write_json_record(Path(folder) / SUMMARY, self.outcome)
+            yield Path(folder)
 
     def to_frame(self) -> pd.DataFrame:
         """Return the columns of `track.csv`, one row for each frame, as a pandas table."""

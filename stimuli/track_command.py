@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import enum
 from pathlib import Path
 from typing import Annotated
 
@@ -10,17 +9,9 @@ import typer
 
 from evenlight.data_schema.errors import InputError
 from evenlight.option_panels import QuietOption, expert
-from evenlight.stimuli.dimmed.apply_options import DimmedVersion
+from evenlight.stimuli.dimmed.apply_options import DimmedVersion, ExportFormat
 
 track = typer.Typer(invoke_without_command=True)
-
-
-class ExportFormat(enum.Enum):
-    """The program that a track is exported for."""
-
-    FFMPEG = "ffmpeg"  # a filter script
-    MPV = "mpv"  # a Lua script
-    JSON = "json"  # an `ExportedTrack`
 
 
 USES = {

@@ -12,6 +12,14 @@ class DimmedVersion(enum.Enum):
     CONSTANT = "constant"  # the constant factor of equal power
 
 
+class ExportFormat(enum.Enum):
+    """The program that a track is exported for."""
+
+    FFMPEG = "ffmpeg"  # a filter script
+    MPV = "mpv"  # a Lua script
+    JSON = "json"  # an `ExportedTrack`
+
+
 class AppliedVersion(enum.Enum):
     """What a dimmed video shows."""
 

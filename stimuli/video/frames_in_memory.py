@@ -29,13 +29,23 @@ def frame_of(pixel_values: Any, duration: float = 1.0) -> Frame:
         frame = pixel_values
     else:
         try:
-            frame = Frame(0.0, duration, np.asarray(pixel_values))
+            frame = Frame(0.0, duration, _array_of(pixel_values))
         except ValueError as error:
             raise InputError(str(error).replace("the frame at 0 s needs", "a frame needs")) from None
     shape = frame.pixel_values.shape
     if min(shape[:2]) < SMALLEST_SIDE:
         raise InputError(f"a frame needs at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, got {shape}")
     return frame
+
+
+def _array_of(pixel_values: Any) -> NDArray[Any]:
+    """Return the array of any library, from a graphics card too (DLPack)."""
+    try:
+        return np.asarray(pixel_values)
+    except (TypeError, RuntimeError):  # of a library that copies from its device only when told so
+        if not hasattr(pixel_values, "__dlpack__"):
+            raise
+        return np.from_dlpack(pixel_values, device="cpu", copy=True)
 
 
 def video_of(
@@ -50,8 +60,9 @@ def video_of(
         return open_video(given, fps, damaged, stream)
     if isinstance(given, VideoSource):
         return given
-    if isinstance(given, np.ndarray) and given.ndim == 3:
-        raise ArgumentError(argument, f"is one frame of shape {given.shape}; give a list of frames")
+    if getattr(given, "ndim", None) in (2, 3):
+        shape = tuple(getattr(given, "shape", ()))
+        raise ArgumentError(argument, f"is one frame of shape {shape}; give a list of frames")
     if not isinstance(given, Iterable) or isinstance(given, bytes):
         kind = shown_kind(given)
         raise ArgumentError(argument, f"must be a path, a built-in sequence's name or frames, got {kind}")

@@ -2,6 +2,7 @@
 
 import dataclasses
 import inspect
+import re
 from pathlib import Path
 
 import numpy as np
@@ -260,3 +261,81 @@ def test_what_is_gone_says_why(command) -> None:
         evenlight.optimize(scene(), 0.5, tolerance=0.1)  # type: ignore[call-arg] # gone
     told = command("optimize", "sunrise", "--budget", 0.5, "--out", "o", "--tolerance", 0.1)
     assert "it is gone: every frame is counted whole; see" in told.err
+
+
+def test_the_factor_of_a_time_is_that_of_the_frame_which_is_shown(track: evenlight.Track) -> None:
+    assert list(track) == list(zip(track.times.tolist(), track.factors.tolist(), strict=True))
+    at = track.factor_at([-1.0, 0.0, 0.49, 0.5, 19.6, 1e6])  # two frames a second, 40 of them
+    np.testing.assert_array_equal(at, track.factors[[0, 0, 0, 1, 39, 39]])
+    assert float(track.factor_at(0.5)) == track.factors[1]
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.float32])
+def test_a_dimmed_frame_is_factor_times_its_luminance(track: evenlight.Track, kind: type) -> None:
+    white = 1 if kind is np.float32 else np.iinfo(kind).max
+    frame = (scene()[3] / 255 * white).astype(kind)
+    dimmed = track.dim(frame, 1.7)
+    assert (dimmed.dtype, dimmed.shape) == (frame.dtype, frame.shape)
+    gamma = 1.95  # of the display of the paper
+    by_definition = white * (track.factors[3] * (frame / white) ** gamma) ** (1 / gamma)
+    np.testing.assert_allclose(dimmed, by_definition, atol=0.51 if kind is not np.float32 else 1e-6)
+
+
+def test_a_track_writes_its_dimmed_video_and_its_scripts(track: evenlight.Track, tmp_path: Path) -> None:
+    film, script = tmp_path / "dimmed.mkv", tmp_path / "dim.lua"
+    track.apply(scene(), film, fps=2.0)
+    frames = list(evenlight.open_video(str(film)).frames())
+    assert [frame.time for frame in frames] == pytest.approx(track.times, abs=1e-3)
+    for frame, pixels in zip(frames[::13], scene()[::13], strict=True):
+        expected = track.dim(pixels, frame.time).astype(float)
+        assert (
+            np.abs(frame.pixel_values * (255 / np.iinfo(frame.pixel_values.dtype).max) - expected).max() < 3
+        )
+    track.export("mpv", script)
+    first = re.search(r"\n0\.000000 (0\.\d+)", script.read_text())
+    assert first is not None
+    assert float(first[1]) == pytest.approx(track.factors[0] ** (1 / 1.95), abs=1 / 2040)
+    for again in (lambda: track.apply(scene(), film, fps=2.0), lambda: track.export("mpv", script)):
+        with pytest.raises(evenlight.InputError, match="is there already; give `force`"):
+            again()
+    with pytest.raises(evenlight.InputError, match="other content"):
+        track.apply(scene(2), tmp_path / "x.mkv", fps=2.0)
+    with pytest.raises(evenlight.InputError, match="vlc"):
+        track.export("vlc", script)
+
+
+def test_a_notebook_shows_first_lines_and_a_picture(track: evenlight.Track) -> None:
+    page = track._repr_html_()
+    assert track.heading.replace("'", "&#x27;") in page
+    assert page.count("<img ") == 1
+    assert page.count("<li>") == len(track.first_lines[1])
+
+
+class OfAnotherLibrary:
+    """An array that copies from its device only when told so."""
+
+    def __init__(self, held: NDArray[np.uint8]) -> None:
+        self.held = held
+
+    def __array__(self, *_: object, **__: object) -> NDArray[np.uint8]:
+        raise TypeError("implicit conversion is not allowed")
+
+    def __dlpack__(self, **asked: object) -> object:
+        return self.held.__dlpack__(**asked)  # type: ignore[call-overload]
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        return self.held.__dlpack_device__()
+
+
+def test_frames_of_other_libraries_and_layouts_are_taken_or_told_the_way(track: evenlight.Track) -> None:
+    frame = scene()[0]
+    display = evenlight.load_display("varjo-xr3")
+    found = evenlight.frame_loss(OfAnotherLibrary(frame), 0.5, display=display)
+    assert found == evenlight.frame_loss(frame, 0.5, display=display)
+    for other, way in (
+        (frame[..., 0], r"numpy\.stack\(\[frame\] \* 3, axis=-1\)"),
+        (np.moveaxis(frame, -1, 0), r"numpy\.moveaxis\(frame, 0, -1\)"),
+        (np.concatenate([frame, frame[..., :1]], axis=2), r"frame\[\.\.\., :3\]"),
+    ):
+        with pytest.raises(evenlight.InputError, match=way):
+            evenlight.frame_loss(other, 0.5, display=display)
