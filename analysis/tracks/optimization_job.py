@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
+from time import monotonic
 
 import numpy as np
 
@@ -170,7 +171,7 @@ class _CurvesWork:
 
     def analysed(self, frames: Iterable[Frame]) -> LossCurves:
         """Return the curves, of the frames that are not analysed yet, and keep them for later runs."""
-        checkpoints = None if self._cache is None else Checkpoints(self._cache.keep, self.begun)
+        checkpoints = None if self._cache is None else Checkpoints(self._cache.keep, monotonic, self.begun)
         curves = self._analysis.curves(frames, self._geometry, self._job.source.name, checkpoints)
         if self._cache is not None:
             self._cache.store(curves)

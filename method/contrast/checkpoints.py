@@ -9,7 +9,6 @@ from array import array
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from time import monotonic
 
 import numpy as np
 
@@ -52,18 +51,21 @@ class Checkpoints:
     ----------
     keep : function of AnalysedFrames
         Takes the frames since the checkpoint before.
+    clock : function
+        Tells the time [s].
     begun : AnalysedFrames or None
         Those of the video's beginning that another analysis kept; the frames that follow are given.
     """
 
     keep: Callable[[AnalysedFrames], None]
+    clock: Callable[[], float]
     begun: AnalysedFrames | None = None
     _frames: int = field(default=0, init=False)  # kept by now
     _contents: int = field(default=0, init=False)
     _last: float = field(init=False)  # when something was kept [s]
 
     def __post_init__(self) -> None:
-        self._last = monotonic()
+        self._last = self.clock()
         if self.begun is not None:
             self._frames, self._contents = self.begun.n_frames, len(self.begun.rows)
 
@@ -80,7 +82,7 @@ class Checkpoints:
             Of all frames so far; they may be further than the rows.
         """
         times, durations, shown = frames
-        contents, now = len(numbers) // width, monotonic()
+        contents, now = len(numbers) // width, self.clock()
         if now - self._last < EVERY or shown[-1] < contents:  # more frames may show the last of them
             return
         end = bisect_left(shown, contents)  # the frame in which the next content appears

@@ -17,7 +17,7 @@ import pytest
 import evenlight
 from evenlight.analysis.player.picture_recorder import PictureCache, PictureRecorder
 from evenlight.analysis.player.proxy_video import Tiles
-from evenlight.analysis.tracks import curves_cache, track_results
+from evenlight.analysis.tracks import curves_cache, optimization_job, track_results
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
 from evenlight.data_schema.errors import InputError
@@ -84,7 +84,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def steady(monkeypatch: pytest.MonkeyPatch) -> None:
     """A clock that tells contents, and a checkpoint after each twelve: they are shown in 15 frames."""
-    monkeypatch.setattr(checkpoints, "monotonic", itertools.count().__next__)
+    monkeypatch.setattr(optimization_job, "monotonic", itertools.count().__next__)
     monkeypatch.setattr(checkpoints, "EVERY", 12)
 
 
