@@ -9,7 +9,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.recordings.session import BUILT_IN_TASKS
-from evenlight.option_panels import ForceOption, QuietOption, asked, expert, output, words_and_files
+from evenlight.option_panels import (
+    ForceOption,
+    PreregisteredOption,
+    QuietOption,
+    asked,
+    expert,
+    output,
+    words_and_files,
+)
 from evenlight.progress import shown_progress
 
 if TYPE_CHECKING:
@@ -41,6 +49,7 @@ def analyze(
         float, expert(help="Search: times that are longer by less than this share count as no slowing.")
     ] = 0.25,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
+    preregistered: PreregisteredOption = None,
     force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -60,6 +69,7 @@ def analyze(
         margin=margin,
         slowing=slowing,
         tasks=tuple(dict.fromkeys(task or ())),
+        preregistered=preregistered,
     )
     with result_folder(out, "analyze", force=force) as folder:
         found = _analyze_dataset(dataset, options, folder, quiet)
@@ -67,6 +77,8 @@ def analyze(
     for warning in found.warnings:
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
+        for line in found.departures:
+            typer.echo(line)
         for findings in found.findings.values():
             typer.echo(f"{findings.name}: {findings.lead}")
         if any(found.simulated.values()):
@@ -94,10 +106,10 @@ def _write(found: DatasetFindings, options: AnalysisOptions, folder: Path) -> No
     origin = provenance_now(seed=options.seed, inputs=found.inputs)
     for findings in found.findings.values():
         findings.write(folder)
+    simulated = any(found.simulated.values())
     leads = {task: findings.lead for task, findings in found.findings.items()}
     write_report(folder / REPORT, dataset_report(found, origin))
     files = (*files_in(folder), SUMMARY)
-    summary = AnalysisSummary(
-        any(found.simulated.values()), leads, found.refused, found.warnings, origin, files, found.roll
-    )
+    said = leads, found.refused, found.warnings
+    summary = AnalysisSummary(simulated, *said, origin, files, found.roll, found.departures)
     write_json_record(folder / SUMMARY, summary)

@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.analysis.assumed_effects import with_assumed
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.inference.binomial_tests import DEFAULT_MARGIN
 from evenlight.analysis.integrity.concern import Concern, ConcernKind, cautious
 from evenlight.analysis.integrity.gate import checked
 from evenlight.analysis.report import KeyFigure, Report, Section
-from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
+from evenlight.analysis.report_sections import files_section, plan_section, provenance_section, roll_section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.session_loading import TaskData, load_task, undamaged_roll
 from evenlight.analysis.wording import listed
@@ -49,6 +50,8 @@ class AnalysisOptions:
         Which tasks; empty for all that there are.
     compared : RateLimit or None
         A rate limit that is drawn beside that of a calibration.
+    preregistered : Path or None
+        The pre-registration to compare with; None for those in the data set.
     """
 
     seed: int = 1
@@ -56,6 +59,7 @@ class AnalysisOptions:
     slowing: float = DEFAULT_SLOWING
     tasks: tuple[str, ...] = ()
     compared: RateLimit | None = None
+    preregistered: Path | None = None
 
     def __post_init__(self) -> None:
         require_seed(self.seed)
@@ -125,6 +129,8 @@ class DatasetFindings:
         How many there are, by task.
     roll : RollCall or None
         The sessions of the data set, those that are left out too.
+    departures : tuple of str
+        From what was pre-registered, in words.
     """
 
     findings: dict[str, Analysis] = field(default_factory=dict)
@@ -133,6 +139,7 @@ class DatasetFindings:
     inputs: dict[str, str] = field(default_factory=dict)
     participants: dict[str, int] = field(default_factory=dict)
     roll: RollCall | None = None
+    departures: tuple[str, ...] = ()
 
     @property
     def concerns(self) -> tuple[Concern, ...]:
@@ -178,6 +185,8 @@ def find_in_dataset(
     InputError
         If there is nothing to analyse, a task asked for is not there, or no task can be analysed.
     """
+    from evenlight.analysis.plans.preregistration import Run, departures_of
+
     roll = undamaged_roll(dataset)
     present = roll.tasks
     missing = [task for task in options.tasks if task not in present]
@@ -185,7 +194,7 @@ def find_in_dataset(
         found = f"holds {', '.join(present)}" if present else _no_session(dataset, roll)
         wanted = f"expected sessions of {', '.join(missing)}; it " if missing else "it "
         raise InputError(f"{dataset}: {wanted}{found}")
-    result = DatasetFindings()
+    result, runs = DatasetFindings(), dict[str, Run]()
     for task in options.tasks or present:
         report(task)
         try:
@@ -194,12 +203,13 @@ def find_in_dataset(
             result.refused[task] = str(error)
             continue
         roll = data.roll or roll
+        runs[task] = data, options if ANALYSES[task].findings else RateLimitOptions()
         result.findings[task] = findings
         result.simulated[task], result.inputs[task] = data.simulated, data.sha256
         result.participants[task] = len(data.participant_ids)
     if not result.findings:
         raise InputError("; ".join(result.refused.values()))
-    return replace(result, roll=roll)
+    return replace(result, roll=roll, departures=departures_of(dataset, runs, options.preregistered))
 
 
 def _no_session(dataset: Path, roll: RollCall) -> str:
@@ -286,6 +296,7 @@ def dataset_report(found: DatasetFindings, origin: Provenance) -> Report:
         "What the data show",
         lead,
         (
+            *plan_section(found.departures),
             *to_be_looked_at(found),
             *(section for part in parts for section in part),
             *((roll_section(found.roll),) if found.roll else ()),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +12,7 @@ import typer
 
 from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
-from evenlight.option_panels import ForceOption, QuietOption, expert, output, viewing
+from evenlight.option_panels import ForceOption, PreregisteredOption, QuietOption, expert, output, viewing
 from evenlight.progress import shown_progress
 
 curve_option = functools.partial(typer.Option, rich_help_panel="The curve of the rate limit")
@@ -63,6 +64,7 @@ def fit(
     power_model: Annotated[
         str | None, viewing(help="For measured power: a power model whose prediction is shown beside it.")
     ] = None,
+    preregistered: PreregisteredOption = None,
     force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -73,6 +75,7 @@ def fit(
     from evenlight.analysis.calibration.calibration import NoRateLimitError, calibrate
     from evenlight.analysis.calibration.fit_report import write_fit, write_without_limit
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
+    from evenlight.analysis.plans.preregistration import departures_of
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
     from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.analysis.sweeps.sweep_loading import newest_sweeps
@@ -108,6 +111,7 @@ def fit(
     if not sweeps or TASK in roll.tasks:
         data = load_ramp_data(dataset, roll)
         roll = data.roll or roll
+        data = replace(data, departures=departures_of(dataset, {TASK: (data, options)}, preregistered))
     with result_folder(out, "fit", force=force) as folder, shown_progress(quiet) as progress:
         results = refused = None
         if data:
@@ -123,6 +127,8 @@ def fit(
     for warning in (*warnings, *roll.warnings):
         print(f"evenlight: warning: {warning}", file=sys.stderr)
     if not quiet:
+        for line in data.departures if data else ():
+            typer.echo(line)
         if results:
             typer.echo(f"{results.summary()}\n{out / 'report.html'} has the details")
         if sweeps:

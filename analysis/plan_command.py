@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from evenlight.analysis.plans.questions import QUESTIONS, whole_numbers
+from evenlight.analysis.plans.questions import QUESTIONS, people_in_words, whole_numbers
 from evenlight.analysis.wording import percent, sentence
 from evenlight.cluster import ClusterOption, opened_map
 from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS
@@ -29,7 +29,7 @@ from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
     from evenlight.analysis.plans.plan import Plan
-    from evenlight.data_schema.analysis_results import RampPlanRow, ViewingPlanRow
+    from evenlight.data_schema.analysis_results import ViewingPlanRow
 
 OF_TASK = {
     task: [*(own.name for own in fields(kind)), *(["thorough"] if "thorough" in kind.efforts else [])]
@@ -42,12 +42,6 @@ FOR_EXPERTS = {"agreement", "display", "locations", "margin", "ratio", "repetiti
 FOR_EXPERTS |= {"spread", "undetected"}
 SLOW = ("ramp", "search")  # shared among processes
 Columns = Mapping[str, Callable[[Any], str]]  # of the printed table: heading, and how a row fills it
-
-
-def _people_needed(row: RampPlanRow) -> str:
-    from evenlight.analysis.plans.plan import people_in_words
-
-    return people_in_words(row)
 
 
 def _power_interval(row: ViewingPlanRow) -> str:
@@ -64,7 +58,7 @@ RAMP_COLUMNS: Columns = {
     "80 % within": lambda row: percent(row.half_width_assured),
     "true error": lambda row: percent(row.error),
     "bias": lambda row: f"{100 * row.bias:+.1f} %",
-    "people needed": _people_needed,
+    "people needed": people_in_words,
 }
 VIEWING_COLUMNS: Columns = {
     "test": lambda row: str(row.test),
@@ -102,6 +96,14 @@ def plan(
             help="ramp: simulate three times as many people; ramp and search: twice the experiments.",
         ),
     ] = False,
+    preregister: Annotated[
+        Path | None,
+        output(
+            metavar="FILE",
+            help="Write the plan of one design as a pre-registration, too. As preregistration.md in the data "
+            "set, `fit` and `analyze` compare the run with it.",
+        ),
+    ] = None,
     cluster: ClusterOption = None,
     force: ForceOption = False,
     quiet: QuietOption = False,
@@ -109,16 +111,21 @@ def plan(
 ) -> None:
     """Plan an experiment: how many participants and trials does it need? Found by simulation."""
     given = {name: value for name, value in options.items() if value is not None}
+    design = given.pop("design", None) if preregister and task != "ramp" else None
     _refuse_options_of_others(task, [*given, "thorough"] if thorough else given)
     if quick and thorough:
         raise InputError("--quick and --thorough cannot be had together; give one of them")
     from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+    from evenlight.analysis.plans.preregistration import design_to_register, write_preregistration
     from evenlight.analysis.plans.ramp_plan import plan_ramps
     from evenlight.analysis.plans.viewing_plan import plan_viewing
     from evenlight.data_schema.provenance import require_seed
     from evenlight.data_schema.storage.result_folders import result_folder
+    from evenlight.experiments.calibration_age import utc_now
 
     require_seed(seed)
+    given |= {"design": design} if design else {}
+    registered = design_to_register(preregister, task, given) if preregister else None
     try:
         question = QUESTIONS[task](**given)
     except ValueError as error:
@@ -134,8 +141,12 @@ def plan(
 
             found = planned(question, numbers, runs, seed, told)
         found.write(folder)
+    if preregister and registered:
+        write_preregistration(preregister, question, found, registered, utc_now())
     if not quiet:
         _print_plan(found, RAMP_COLUMNS if task == "ramp" else VIEWING_COLUMNS, out)
+        if preregister:
+            typer.echo(f"{preregister} is the pre-registration: fill in what stands in square brackets")
 
 
 def _with_options(command: Callable[..., None]) -> inspect.Signature:

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from evenlight.analysis.report import Cell, Section, Table
 from evenlight.analysis.report_prose import section
-from evenlight.analysis.wording import first_few
+from evenlight.analysis.wording import first_few, sentence
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 
@@ -46,6 +46,12 @@ def _displays(roll: RollCall) -> tuple[Table, ...]:
         (display.replace("^2", "²") or None, len(names), ", ".join(names)) for display, names in own.items()
     )
     return (Table("Displays and their calibrations.", ("display", "sessions", "participant/session"), rows),)
+
+
+def plan_section(departures: tuple[str, ...]) -> tuple[Section, ...]:
+    """Return how a run departs from its plan, before all else; nothing where nothing was pre-registered."""
+    lines = tuple(f"{sentence(words)}." for words in departures)
+    return (Section("Departures from the pre-registration", lines),) if lines else ()
 
 
 def provenance_section(origins: Mapping[str, Provenance]) -> Section:

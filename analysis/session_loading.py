@@ -83,6 +83,8 @@ class TaskData(Generic[Trial]):
         All sessions of the data set, those of other tasks too; None of trials in memory.
     scale : RatingScale
         Of ratings.
+    departures : tuple of str
+        From what was pre-registered, in words.
     """
 
     task: str
@@ -93,6 +95,7 @@ class TaskData(Generic[Trial]):
     rows: tuple[Trial, ...] = ()
     roll: RollCall | None = None
     scale: RatingScale = ONE_TO_FIVE
+    departures: tuple[str, ...] = ()
 
     @property
     def trials(self) -> tuple[Trial, ...]:

@@ -90,6 +90,7 @@ class AnalysisSummary:
         default=(),
     )
     roll: RollCall | None = described("sessions of the data set, those that were not read too", default=None)
+    departures: tuple[str, ...] = described("from what was pre-registered, in words", default=())
     quick: bool = described("true for a quick run, whose numbers are no result", default=False)
 
 

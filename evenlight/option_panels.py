@@ -27,6 +27,13 @@ expert = partial(typer.Option, hidden=True)  # in docs/requests.md, and a key of
 QuietOption = Annotated[
     bool, typer.Option("--quiet", hidden=True, help="Print no progress and no closing lines.")
 ]
+PreregisteredOption = Annotated[
+    Path | None,
+    expert(
+        metavar="FILE",
+        help="A pre-registration of `plan`, with which the run is compared. Otherwise those in the data set.",
+    ),
+]
 ForceOption = Annotated[
     bool,
     typer.Option(
@@ -95,26 +102,18 @@ GONE = {
 }
 
 # What an option or argument takes, and what completes it, by its name; a command may say otherwise.
-METAVARS = {
-    "budget": "B",
-    "design": "NAME|FILE",
-    "display": "NAME|FILE",
-    "field_of_view": "DEGREES",
-    "fps": "HZ",
-    "horizon": "SECONDS",
-    "instrument": "DRIVER:ADDRESS",
-    "interval_s": "SECONDS",
-    "out": "DIR",
-    "participant": "ID",
-    "power_model": "NAME|FILE",
-    "rate_hz": "HZ",
-    "rate_limit": "NAME|FILE",
-    "rig": "NAME|FILE",
-    "seconds": "SECONDS",
-    "session": "ID",
-    "stimuli": "DIR",
-    "target_loss": "LOSS",
+_TAKEN = {
+    "B": "budget",
+    "DEGREES": "field_of_view",
+    "DIR": "out stimuli",
+    "DRIVER:ADDRESS": "instrument",
+    "HZ": "fps rate_hz",
+    "ID": "participant session",
+    "LOSS": "target_loss",
+    "NAME|FILE": "design display power_model rate_limit rig",
+    "SECONDS": "horizon interval_s seconds",
 }
+METAVARS = {name: taken for taken, names in _TAKEN.items() for name in names.split()}
 COMPLETIONS = {
     "clip": complete_video,
     "design": complete_design,

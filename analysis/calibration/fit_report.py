@@ -16,7 +16,7 @@ from evenlight.analysis.calibration.level_estimates import difference_in_words, 
 from evenlight.analysis.calibration.ramp_findings import findings_without_limit, ramp_findings
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
 from evenlight.analysis.report import Report, Section, write_report
-from evenlight.analysis.report_sections import files_section, provenance_section, roll_section
+from evenlight.analysis.report_sections import files_section, plan_section, provenance_section, roll_section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.wording import sentence
 from evenlight.data_schema.mapping import mapping_from_record
@@ -88,6 +88,7 @@ def _report(fits: ThresholdFits, found: Analysis, origin: Provenance) -> Report:
         "Calibration of the rate limit",
         found.lead,
         (
+            *plan_section(data.departures),
             *_to_be_looked_at(fits),
             *found.sections,
             *((roll_section(data.roll),) if data.roll else ()),
@@ -112,6 +113,7 @@ def summary_of(calibration: Calibration, provenance: Provenance) -> dict[str, An
     """Return the content of `fit_summary.json`."""
     curve, roll = calibration.rate_limit, calibration.data.roll
     return {
+        "departures": list(calibration.data.departures),
         "simulated": calibration.data.simulated,
         "n_participants": len(calibration.data.participant_ids),
         "n_trials": len(calibration.data.trials),

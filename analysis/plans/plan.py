@@ -13,9 +13,10 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import FixedLocator, NullLocator
 
 from evenlight.analysis import figure_style as style
+from evenlight.analysis.plans.questions import Row
+from evenlight.analysis.plans.questions import people_in_words as people_in_words
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result
-from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, RampPlanRow, ViewingPlanRow
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.tables import write_rows
@@ -24,7 +25,6 @@ from evenlight.data_schema.storage.text_files import write_json
 if TYPE_CHECKING:
     import pandas as pd
 
-BEYOND = f"above {MOST_PARTICIPANTS}"
 LOOKS = (
     cycler(color=[style.OURS, style.INK, style.BASELINE, style.LIMIT, style.PARTICIPANT, style.LOST])
     + cycler(marker=["o", "s", "D", "^", "v", "P"])
@@ -32,7 +32,6 @@ LOOKS = (
         linestyle=["-", (0, (5, 1.6)), (0, (2.5, 1.4)), (0, (1, 1.2)), (0, (6, 1.4, 1, 1.4)), (0, (3, 3))]
     )
 )
-Row = RampPlanRow | ViewingPlanRow
 
 
 class Panel(NamedTuple):
@@ -91,14 +90,6 @@ def frame_of(rows: Iterable[Row]) -> pd.DataFrame:
     import pandas as pd
 
     return pd.DataFrame([mapping_from_record(row) for row in rows])
-
-
-def people_in_words(row: Row) -> str:
-    """Return how many participants are needed, with what simulation leaves open: "33 (26 to 40)"."""
-    low, needed, high = row.participants_needed_low, row.participants_needed, row.participants_needed_high
-    if low is None:
-        return "beyond what was tried" if isinstance(row, ViewingPlanRow) and row.runs else BEYOND
-    return str(needed) if low == needed == high else f"{needed or BEYOND} ({low} to {high or BEYOND})"
 
 
 def plan_figure(

@@ -10,6 +10,7 @@ import re
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
+from evenlight.data_schema.analysis_results import MOST_PARTICIPANTS, RampPlanRow, ViewingPlanRow
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import check_limits, described, quantity
 from evenlight.data_schema.recordings.viewing import HIGHEST_RATING, LOWEST_RATING
@@ -18,7 +19,9 @@ PUBLISHED_DIFFERENCE = 0.4575  # Table 1, ours less baseline: mean of four seque
 # Table 1's standard errors, as of 17 people; a person's two ratings correlate by 0.5 (a choice)
 PUBLISHED_SPREAD = 0.7952
 TRIALS = "--trials", (4, 2000)
+BEYOND = f"above {MOST_PARTICIPANTS}"
 HALF = 0.5  # the share of people who guess
+Row = RampPlanRow | ViewingPlanRow
 VIEWING_EFFORTS = {"quick": 500, "default": 2000}  # simulated experiments of each number of people
 
 
@@ -154,6 +157,14 @@ def whole_numbers(text: str, option: str, limits: tuple[int, int]) -> tuple[int,
     if not limits[0] <= numbers[0] <= numbers[-1] <= limits[1]:
         raise InputError(f"{option} takes numbers from {limits[0]} to {limits[1]}, got {text}")
     return numbers
+
+
+def people_in_words(row: Row) -> str:
+    """Return how many participants are needed, with what simulation leaves open: "33 (26 to 40)"."""
+    low, needed, high = row.participants_needed_low, row.participants_needed, row.participants_needed_high
+    if low is None:
+        return "beyond what was tried" if isinstance(row, ViewingPlanRow) and row.runs else BEYOND
+    return str(needed) if low == needed == high else f"{needed or BEYOND} ({low} to {high or BEYOND})"
 
 
 Truth = RatingTruth | ComparisonTruth | SearchTruth

@@ -90,23 +90,9 @@ def plan_viewing(
         power, error = ([_share(test, at, n, found) for n in numbers] for at in (test.effect, test.null))
         needed = _needed(test, numbers, [own[0] for own in power], drawn, truth.power)
         for n, held, erred in zip(numbers, power, error, strict=True):
-            rows.append(
-                ViewingPlanRow(
-                    truth.task,
-                    test.name,
-                    n,
-                    test.effect,
-                    truth.unit,
-                    test.margin,
-                    test.level,
-                    *held,
-                    *erred,
-                    drawn,
-                    truth.power,
-                    held[0] >= truth.power,
-                    *needed,
-                )
-            )
+            about = truth.task, test.name, n, test.effect, truth.unit, test.margin, test.level
+            wanted = truth.power, held[0] >= truth.power
+            rows.append(ViewingPlanRow(*about, *held, *erred, drawn, *wanted, *needed))
     return _plan(truth, tests, tuple(rows), runs, seed)
 
 

@@ -29,6 +29,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     MANIFEST,
     NOT_OF_BIDS,
     PARTICIPANTS,
+    PREREGISTRATIONS,
     READINGS,
     SIMULATED_TRUTH,
     STUDY,
@@ -91,6 +92,7 @@ EXPORTED = (
     PARTICIPANTS,
     str(Path(PARTICIPANTS).with_suffix(".json")),
     SIMULATED_TRUTH,
+    PREREGISTRATIONS,
     *(f"sub-*/ses-*/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS)),
     *(f"sub-*/ses-*/{BEHAVIOUR_FOLDER}/*_beh.{end}" for end in ("tsv", "json")),
     *(f"{SWEEPS}/*/{name}" for name in (SWEEP_MANIFEST, READINGS, EVENTS)),
@@ -223,7 +225,14 @@ def _refuse_personal_data(dataset: Path) -> None:
 
 
 PARTICIPANT_TABLE = "group-participants_data.csv"
-NOT_DEFINED = ("sub-*", SWEEPS, PARTICIPANTS, str(Path(PARTICIPANTS).with_suffix(".json")), SIMULATED_TRUTH)
+NOT_DEFINED = (
+    "sub-*",
+    SWEEPS,
+    PARTICIPANTS,
+    str(Path(PARTICIPANTS).with_suffix(".json")),
+    SIMULATED_TRUTH,
+    PREREGISTRATIONS,
+)
 ABOUT_DATA = """
 `data` holds the same tables in the layout of Psych-DS.
 """

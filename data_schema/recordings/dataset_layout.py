@@ -9,6 +9,7 @@ from evenlight.data_schema.errors import InputError
 DESCRIPTION = "dataset_description.json"
 PARTICIPANTS = "participants.tsv"
 STUDY = "study.toml"
+PREREGISTRATIONS = "preregistration*.md"
 MANIFEST = "manifest.json"
 TRIALS = "trials.jsonl"
 FRAMES = "frames.jsonl"
@@ -26,6 +27,7 @@ NOT_OF_BIDS = (
     *(f"**/{name}" for name in (MANIFEST, TRIALS, FRAMES, HEADSET, EVENTS, LOCK)),
     SIMULATED_TRUTH,
     STUDY,
+    PREREGISTRATIONS,
     SWEEPS,
 )
 # What a played video's power is measured on.

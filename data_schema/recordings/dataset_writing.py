@@ -22,6 +22,7 @@ from evenlight.data_schema.recordings.dataset_layout import (
     MANIFEST,
     NOT_OF_BIDS,
     PARTICIPANTS,
+    PREREGISTRATIONS,
     STUDY,
     SWEEPS,
     TRIALS,
@@ -45,17 +46,7 @@ PARTICIPANT_COLUMNS = {
         "Levels": {"true": "simulated", "false": "a person"},
     },
 }
-README = """\
-Sessions of a psychophysics experiment on temporal brightness management, {origin}.
-
-The participants are {kind}.
-
-`sub-XX/ses-YY/beh` holds one row per trial; the .json beside each table says what its columns mean. The
-files that Evenlight itself reads lie in `sub-XX/ses-YY`: `manifest.json` (participant, and as far as known
-display, rig, design, software, seed), `trials.jsonl` (the trials as they were written), and of recorded
-sessions `frames.jsonl` (when each frame appeared, and what it showed) and `events.jsonl` (what happened).
-Trials marked `practice` or with a `flag` are left out of the analysis.
-"""
+README = Path(__file__).with_name("dataset_readme.txt")
 
 
 @contextmanager
@@ -123,8 +114,9 @@ def _data_set(dataset: Path, simulated: bool, provenance: Provenance) -> Iterato
     lock = held_lock(dataset / DATASET_LOCK, busy, LONGEST_WAIT)
     try:
         if not (dataset / DESCRIPTION).exists():
-            begun = (STUDY, DATASET_LOCK, PARTIAL.format(DESCRIPTION), LOCKED.format(DESCRIPTION))
-            if any(path.name not in begun for path in dataset.iterdir()):
+            begun = (DATASET_LOCK, PARTIAL.format(DESCRIPTION), LOCKED.format(DESCRIPTION))
+            planned = (STUDY, *(path.name for path in dataset.glob(PREREGISTRATIONS)))
+            if any(path.name not in begun + planned for path in dataset.iterdir()):
                 raise InputError(
                     f"{dataset}: holds other things than a data set; give a new or empty folder as `out`"
                 )
@@ -212,7 +204,7 @@ def write_description(
     }
     kind = "SIMULATED: no person took part" if simulated else "people"
     _write_missing(dataset / DESCRIPTION, f"{json.dumps(description, indent=2, ensure_ascii=False)}\n")
-    _write_missing(dataset / "README", README.format(kind=kind, origin=origin))
+    _write_missing(dataset / "README", README.read_text(encoding="utf-8").format(kind=kind, origin=origin))
     _write_missing(dataset / ".bidsignore", "".join(f"{name}\n" for name in NOT_OF_BIDS))
 
 

@@ -1,4 +1,4 @@
-"""Whose a data set is, and by whose leave: `study.toml`, which `evenlight new study` writes to fill in."""
+"""Whose a data set is and by whose leave (`study.toml`), and what was planned before there were any data."""
 
 from __future__ import annotations
 
@@ -6,8 +6,11 @@ import dataclasses
 import json
 from pathlib import Path
 
-from evenlight.data_schema.quantities import described, file_key, record
+from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.quantities import count, described, file_key, record
 from evenlight.data_schema.recordings.dataset_layout import STUDY
+from evenlight.data_schema.recordings.session import Design
+from evenlight.data_schema.result_request import Asked
 from evenlight.data_schema.storage.text_files import read_toml_record
 
 
@@ -25,6 +28,19 @@ class Study:
         'approvals: committee, number and date of each: ["Ethics board, Example University, 2026-17"]',
         default=(),
     )
+
+
+@record
+class Preregistration:
+    """What was planned before any data were there."""
+
+    task: str = described("experiment", pattern="^(ramp|rating|comparison|search)$")
+    made: str = described("when it was written, UTC (ISO 8601)")
+    participants: int = count("how many take part", minimum=1)
+    design: Design = described("what is shown, and how")
+    display: str = described("name of the display that was planned for; empty for any")
+    options: dict[str, Asked] = described("options of the analysis by name; what is not set is missing")
+    provenance: Provenance = described("software, seed of the plan, and the design's SHA-256")
 
 
 def spdx_name(licence: str) -> str | None:

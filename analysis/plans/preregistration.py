@@ -1,0 +1,235 @@
+"""A pre-registration: a plan in plain text, before there are data, with which `fit` and `analyze` compare.
+
+What the software knows is filled in; what it cannot know is left blank. The text ends in a block of JSON,
+which alone is read again, so that the text may be filled in, translated and sent elsewhere.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from evenlight.analysis.calibration.psychometric.thresholds import MAX_FALSE_ALARM_RATE
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.dataset_findings import AnalysisOptions
+from evenlight.analysis.integrity.concern import ConcernKind
+from evenlight.analysis.plans.plan import Plan, people_in_words
+from evenlight.analysis.plans.questions import QUESTIONS, ComparisonTruth, RampQuestion, SearchTruth, Truth
+from evenlight.analysis.report_prose import prose
+from evenlight.analysis.session_loading import TaskData
+from evenlight.analysis.wording import first_few, participants
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import (
+    mapping_from_record,
+    plain_value,
+    record_from_mapping,
+    sha256_of_record,
+)
+from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes
+from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.recordings.dataset_layout import PREREGISTRATIONS
+from evenlight.data_schema.recordings.ramp import Placement, RampDesign
+from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE
+from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
+from evenlight.data_schema.recordings.session import Design, SessionManifest
+from evenlight.data_schema.recordings.study import Preregistration, study_of
+from evenlight.data_schema.storage.text_files import parse_json, read_text
+from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.experiments.design_files import load_task_design
+from evenlight.method.preset_files import load_display
+
+WHAT = "a pre-registration of `evenlight plan --preregister`, as it was written"
+BLOCK = re.compile(r"^```json\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+READ = {"rating": ("seed",), "comparison": ("seed", "margin"), "search": ("slowing",)}  # options of analyze
+How = RateLimitOptions | AnalysisOptions
+Run = tuple[TaskData[Any], How]  # what is analysed, and how
+
+
+def design_to_register(file: Path, task: str, asked: dict[str, Any]) -> tuple[str, Design]:
+    """Return name and content of the one design that is registered, and let the plan ask for it alone.
+
+    The design's own numbers of trials and sequences are put into what is asked.
+
+    Raises
+    ------
+    InputError
+        If the file is there or cannot be, several designs are given, or a number that the design has.
+    """
+    if file.exists() or file.suffix not in (".md", ".txt") or not file.absolute().parent.is_dir():
+        raise InputError(f"{file}: a pre-registration is a new file, .md or .txt, in a folder that is there")
+    names = asked.pop("design", None) or ["recommended" if task == "ramp" else "paper"]
+    design = load_task_design(task, names[0])
+    if isinstance(design, RampDesign):
+        constant = design.placement is Placement.CONSTANT
+        each = design.repetitions * len(design.relative_rates) if constant else design.trials_per_level
+        own: dict[str, Any] = {"design": (names[0],), "trials": str(each)}
+    else:
+        own = {"sequences": len(design.sequences), "repetitions": getattr(design, "repetitions", 1)}
+    taken = own.keys() & {field.name for field in fields(QUESTIONS[task])}
+    if len(names) > 1 or taken & asked.keys():
+        numbers = " and ".join(f"`{name}`" for name in sorted(taken - {"design"}))
+        raise InputError(f"a pre-registration is of one `design`, which says what {numbers} would")
+    asked |= {name: own[name] for name in taken}
+    return names[0], design
+
+
+def write_preregistration(
+    file: Path, question: RampQuestion | Truth, plan: Plan, design: tuple[str, Design], made: str
+) -> None:
+    """Write a plan of one design, of a name, as the pre-registration that is made now, UTC (ISO 8601).
+
+    As many take part as were planned for, if that was one number; else as many as every test needs.
+
+    Raises
+    ------
+    InputError
+        If no number of participants is enough, or the file cannot be written.
+    """
+    tests = [row for row in plan.rows if row.participants == plan.rows[-1].participants]
+    single = len(tests) == len(plan.rows)
+    needed = {row.participants if single else row.participants_needed for row in tests}
+    if None in needed:
+        raise InputError(f"{file}: no number of participants is enough; give one by `participants`")
+    ramp = question if isinstance(question, RampQuestion) else None
+    how: How = RateLimitOptions() if ramp else AnalysisOptions()
+    if isinstance(question, ComparisonTruth):
+        how = AnalysisOptions(margin=question.margin)
+    elif isinstance(question, SearchTruth):
+        how = AnalysisOptions(slowing=round(question.margin - 1, 9))
+    registered = Preregistration(
+        task=question.task,
+        made=made,
+        participants=max(filter(None, needed)),
+        design=design[1],
+        display=load_display(ramp.display).name if ramp else "",
+        options=options_of(question.task, how),
+        provenance=provenance_now(plan.provenance.seed, {f"design {design[0]}": sha256_of_record(design[1])}),
+    )
+    text = prose(
+        "preregistration",
+        r=registered,
+        study=study_of(file.parent),
+        dataset=file.absolute().parent.name,
+        plan=plan,
+        question=question,
+        tests=tests,
+        single=single,
+        people=people_in_words,
+        keys=[
+            (file_key(f), _words(getattr(design[1], f.name)), f.metadata["doc"]) for f in fields(design[1])
+        ],
+        most_false_alarms=MAX_FALSE_ALARM_RATE,
+        concerns=[kind.value for kind in ConcernKind],
+    )
+    content = mapping_from_record(registered)
+    block = json.dumps({**content, "sha256": _digest(content)}, indent=1, ensure_ascii=False)
+    write_whole(file, "\n\n".join([*text, f"```json\n{block}\n```\n"]))
+
+
+def options_of(task: str, options: How) -> dict[str, Any]:
+    """Return the options that the results of a task depend on, without those that are not set."""
+    told = mapping_from_record(options)
+    return {name: told[name] for name in READ.get(task, told) if told[name] is not None}
+
+
+def _digest(content: dict[str, Any]) -> str:
+    return sha256_of_bytes(json.dumps(content, sort_keys=True).encode())
+
+
+def read_preregistration(file: Path) -> Preregistration:
+    """Return what a pre-registration promises; refuse one whose block is missing, damaged or changed."""
+    blocks = BLOCK.findall(read_text(file, WHAT))
+    content = parse_json(blocks[-1], str(file), WHAT) if blocks else None
+    if not isinstance(content, dict) or content.pop("sha256", None) != _digest(content):
+        raise InputError(f"{file}: the block at its end is missing or was changed; expected {WHAT}")
+    return record_from_mapping(Preregistration, content, str(file))
+
+
+def departures_of(dataset: Path, runs: Mapping[str, Run], given: Path | None = None) -> tuple[str, ...]:
+    """Return how what is analysed, by task, departs from the pre-registrations beside it, or the given one.
+
+    Raises
+    ------
+    InputError
+        If one cannot be read or was changed, or the given one is of an experiment that is not analysed.
+    """
+    told = {}
+    for file in [given] if given else sorted(dataset.glob(PREREGISTRATIONS)):
+        registered = read_preregistration(file)
+        if (task := registered.task) in runs:
+            found = list(_departures(registered, *runs[task]))
+            many = f"{len(found) or 'no'} departure{'s' * (len(found) > 1)}"
+            told[task] = [f"{many} from the pre-registration {file} of {registered.made[:10]}", *found]
+        elif given:
+            raise InputError(f"{file}: is of the experiment {task}, which is not analysed here")
+    lines = {task: told.get(task, ["not pre-registered"]) for task in runs if told}
+    return tuple(f"{task}: {words}" for task, own in lines.items() for words in own)
+
+
+def _departures(registered: Preregistration, data: TaskData[Any], how: How) -> Iterator[str]:
+    n, manifests = len(data.participant_ids), [session.manifest for session in data.sessions]
+    if n != registered.participants:
+        yield f"{participants(n)} instead of {registered.participants}"
+    if data.roll:
+        yield from _left_out(data.roll, registered.task)
+    planned, shown = dict[str, int](), Counter[str]()
+    for session in data.sessions:
+        who = session.manifest.participant_id
+        planned[who] = max(session.manifest.n_trials, planned.get(who, 0))
+        shown[who] += len(session.trials)
+    if off := [f"{who} ({n} of {planned[who]})" for who, n in shown.items() if n != planned[who]]:
+        yield f"other numbers of trials that count than planned: participant {first_few(off)}"
+    yield from _differences(registered, manifests)
+    now = options_of(registered.task, how)
+    for name in sorted(now.keys() | registered.options.keys()):
+        if now.get(name) != (was := registered.options.get(name)):
+            yield f"analysed with {name} {_words(now.get(name))} instead of {_words(was)}"
+    if before := [m.participant_id for m in manifests if m.started and m.started < registered.made]:
+        yield f"collected before it was written: participant {first_few(before)}"
+    origins, ours = [provenance_now(), *(m.provenance for m in manifests)], registered.provenance
+    versions = {origin.software_version for origin in origins} - {"unknown"}
+    if others := sorted(v for v in versions if _main_part(v) != _main_part(ours.software_version)):
+        yield f"with Evenlight {first_few(others)} instead of {ours.software_version}"
+
+
+def _left_out(roll: RollCall, task: str) -> Iterator[str]:
+    """Yield what is left out by no rule of the text."""
+    for entry in roll.sessions:
+        if entry.use is SessionUse.WRONG and entry.task in (None, task):
+            yield f"{entry.folder} is left out, which was not planned: {entry.why}"
+    missing = [who for who in roll.listed if who not in {entry.participant_id for entry in roll.sessions}]
+    if missing:
+        yield f"listed, but without a session, which was not planned: participant {first_few(missing)}"
+
+
+def _differences(registered: Preregistration, manifests: list[SessionManifest]) -> Iterator[str]:
+    """Yield what was shown otherwise than planned, and to whom."""
+    planned = {**mapping_from_record(registered.design), "design": "known", "scale": str(ONE_TO_FIVE)}
+    planned |= {"display": registered.display} if registered.display else {}
+    who = defaultdict[str, list[str]](list)
+    for m in manifests:
+        shown = {"design": "known", **mapping_from_record(m.design)} if m.design else {"design": "unknown"}
+        shown |= {"scale": str(m.scale), "display": m.display.name if m.display else "unknown"}
+        for key in planned.keys() & shown.keys():
+            if shown[key] != planned[key]:
+                who[f"{key} {_words(shown[key])} instead of {_words(planned[key])}"].append(m.participant_id)
+    for words, people in sorted(who.items()):
+        yield words if len(people) == len(manifests) else f"{words}: participant {first_few(people)}"
+
+
+def _words(value: Any) -> str:
+    value = plain_value(value)
+    if isinstance(value, list):
+        return ", ".join(map(_words, value)) or "none"
+    return "unset" if value is None else str(value).lower() if isinstance(value, bool) else str(value)
+
+
+def _main_part(version: str) -> list[str]:
+    return version.split(".")[
+        : 2 if version.startswith("0.") else 1
+    ]  # before 1.0 results may change with both
