@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import enum
+import math
+
+from evenlight.data_schema.power_model import PanelKind
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
 from evenlight.data_schema.quantities import MOMENT, described, quantity, record
 
@@ -15,6 +19,18 @@ LOWEST_CONTRAST = (
     2.0  # white over black; paper has 15, a projector's slide 100: the room's light is not black
 )
 COARSEST, FINEST = 1e-3, 1e4  # [1/deg] the eye resolves 60 cycles, which takes 120 pixels
+# What is known of the device, beside its light.
+OF_DEVICE = (
+    "device", "panel", "actuator", "resolution", "size", "viewing_distance", "field_of_view", "power_model",
+)  # fmt: skip
+DEVICES = "^(monitor|laptop|phone|tablet|television|projector|headset)?$"
+
+
+class Actuator(enum.Enum):
+    """What makes the brightness."""
+
+    PIXELS = "pixels"
+    BACKLIGHT = "backlight"
 
 
 @record
@@ -54,6 +70,40 @@ class Display:
         pattern=MOMENT,
     )
     provenance: Provenance | None = described("how the file of a measured display was made", default=None)
+    device: str = described(
+        "kind of device: monitor, laptop, phone, tablet, television, projector or headset",
+        default="",
+        pattern=DEVICES,
+        later=True,
+    )
+    panel: PanelKind | None = described("what makes the light", default=None, later=True)
+    actuator: Actuator | None = described(
+        "what dims it, where nothing else is asked: its backlight, or its pixels", default=None, later=True
+    )
+    resolution: tuple[int, int] | None = quantity(
+        "pixels", "its pixels across and down", minimum=1, default=None, later=True
+    )
+    size: tuple[float, float] | None = quantity(
+        "mm", "width and height of its picture, if it is flat", above=0.0, default=None, later=True
+    )
+    viewing_distance: float | None = quantity(
+        "m",
+        "distance from the eye at which it has its pixels per degree",
+        above=0.0,
+        default=None,
+        later=True,
+    )
+    field_of_view: float | None = quantity(
+        "deg",
+        "of a headset: angle that its picture spans",
+        above=0.0,
+        maximum=180.0,
+        default=None,
+        later=True,
+    )
+    power_model: str = described(
+        "its power model, a preset or a toml file; empty: none is known", default="", later=True
+    )
 
     def __post_init__(self) -> None:
         if not self.black_level < self.peak_luminance / LOWEST_CONTRAST:
@@ -70,6 +120,11 @@ class Display:
     def nyquist_frequency(self) -> float:
         """Highest spatial frequency that the display shows [cpd]."""
         return self.pixels_per_degree / 2
+
+    @property
+    def assumed(self) -> str:
+        """What its source assumes, as it names it at its end; empty: nothing."""
+        return self.source.partition("assumed: ")[2]
 
     @property
     def calibration(self) -> str:
@@ -90,3 +145,17 @@ class Display:
         photometry = ("peak_luminance", "black_level", "gamma", "reflected_luminance")
         values = ",".join(f"{getattr(self, key):.9g}" for key in photometry)
         return sha256_of_bytes(values.encode())[:16]
+
+
+def pixels_per_degree_at(resolution: tuple[int, int], size: tuple[float, float], distance: float) -> float:
+    """Return the pixels per degree of a flat picture [1/deg]: 2 d tan(0.5°) over the width of a pixel.
+
+    Parameters
+    ----------
+    resolution, size, distance : (int, int), (float, float), float
+        Pixels across and down; width and height [mm]; distance from the eye [m].
+
+    >>> round(pixels_per_degree_at((2560, 1440), (526.9, 296.4), 0.6), 2)
+    50.88
+    """
+    return 2 * 1000 * distance * math.tan(math.radians(0.5)) * resolution[0] / size[0]

@@ -28,6 +28,7 @@ UNIT_SUFFIX = {
     "cd/m^2/s": "_cd_m2_s",
     "s": "_s",
     "m": "_m",
+    "mm": "_mm",
     "W": "_w",
     "J": "_j",
     "W m^2/cd": "_w_m2_cd",

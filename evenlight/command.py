@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NoReturn, cast
 
 import typer
 
-from evenlight import bench_command, progress
+from evenlight import bench_command, displays_command, progress
 from evenlight.analysis import (
     analyze_command,
     catalogue_command,
@@ -136,7 +136,11 @@ class _Command(HelpfulCommand):
 
 # The groups of `evenlight --help`, in the order of `help_pages.GROUPS`; what is used most comes first.
 COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
-    "Start here": {"demo": demo_command.demo, "new": new_command.new},
+    "Start here": {
+        "demo": demo_command.demo,
+        "displays": displays_command.displays,
+        "new": new_command.new,
+    },
     "Video": {
         "optimize": recorded("optimize", optimize_command.optimize),
         "catalogue": recorded("catalogue", catalogue_command.catalogue),

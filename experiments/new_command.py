@@ -4,19 +4,22 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shlex
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import QuietOption
+from evenlight.option_panels import QuietOption, expert
+
+if TYPE_CHECKING:
+    from evenlight.data_schema.display import Display
 
 new = typer.Typer(invoke_without_command=True)
-
-DISTANCES = {"laptop-lcd": 0.5, "phone-oled": 0.35}  # [m] at which these have their pixels per degree
 
 
 @new.callback()
@@ -32,6 +35,18 @@ def rig(
     display: Annotated[
         str, typer.Option(help="Begin with the numbers of this preset, or use a display's own toml file.")
     ] = "desktop-lcd",
+    width_mm: Annotated[
+        float | None,
+        typer.Option("--width-mm", metavar="MM", min=1.0, help="Width of your display's picture."),
+    ] = None,
+    distance_m: Annotated[
+        float | None,
+        typer.Option("--distance-m", metavar="M", min=0.01, max=100.0, help="Distance from eye to display."),
+    ] = None,
+    pixels: Annotated[
+        str | None,
+        expert(metavar="WIDTHxHEIGHT", help="Your display's pixels, if they are not the preset's."),
+    ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Replace files that exist; never a measured display.")
     ] = False,
@@ -50,13 +65,19 @@ def rig(
     for path in (file, beside) if is_preset else (file,):
         if path.exists() and not force:
             raise InputError(f"{path}: is there already; give another name, or --force to replace it")
+    own = (width_mm, distance_m, pixels)
+    if is_preset:
+        shown = _of_size(shown, *own)
+    elif any(value is not None for value in own):
+        raise InputError(f"{display} has its own size: --width-mm, --distance-m, --pixels are for a preset")
     values: dict[str, object] = {"name": stem, "display": os.path.relpath(beside, file.parent)}
     if is_preset:
         _require_unmeasured(beside)
-        values |= {"viewing_distance_m": DISTANCES[display]} if display in DISTANCES else {}
-        light = {key: value for key, value in mapping_from_record(shown).items() if isinstance(value, float)}
-        named = {"name": stem, "source": f"the preset {display}, not measured"}
-        write_whole(beside, _filled("new_display.toml", {**light, **named}).encode())
+        values |= {"viewing_distance_m": shown.viewing_distance} if shown.viewing_distance else {}
+        known = mapping_from_record(shown)
+        del known["measured"], known["provenance"]
+        known |= {"name": stem, "source": f"the preset {display}, not measured"}
+        write_whole(beside, _filled("new_display.toml", known).encode())
     write_whole(file, _filled("desk.rig.toml", values).encode())
     named_file = shlex.quote(str(file))
     numbers = (
@@ -91,6 +112,33 @@ def study(
         typer.echo(f"{file}: fill in authors, licence and ethics; what stays blank no export tells")
 
 
+def _of_size(display: Display, width: float | None, distance: float | None, pixels: str | None) -> Display:
+    """Return a display of another width [mm], at another distance [m], with other pixels, where given."""
+    from evenlight.data_schema.display import pixels_per_degree_at
+    from evenlight.stimuli.commands import size_in
+
+    if width is None and distance is None and pixels is None:
+        return display
+    resolution, seen_from = (
+        size_in(pixels, "--pixels") or display.resolution,
+        distance or display.viewing_distance,
+    )
+    if display.size is None or resolution is None or seen_from is None:
+        raise InputError(
+            f"{display.name} has no flat picture: begin with a monitor, laptop-lcd or phone-oled"
+        )
+    across = width or display.size[0]
+    size = across, round(across * resolution[1] / resolution[0], 1)
+    found = pixels_per_degree_at(resolution, size, seen_from)
+    return replace(
+        display,
+        resolution=resolution,
+        size=size,
+        viewing_distance=seen_from,
+        pixels_per_degree=round(found, 2),
+    )
+
+
 def _require_unmeasured(display: Path) -> None:
     """Refuse to replace a display that was measured, though --force be given."""
     if not display.exists():
@@ -110,6 +158,8 @@ def _filled(template: str, values: Mapping[str, object]) -> str:
     text = (RIGS / template).read_text(encoding="utf-8")
     for key, value in values.items():
         begin, after = text.split(f"\n{key} = ", 1)
-        new = json.dumps(value, ensure_ascii=False)
-        text = f"{begin}\n{key} = {new}{after[len(after.split(maxsplit=1)[0]) :]}"
+        old = re.match(r'"[^"]*"|\S+', after)
+        assert old is not None  # each key has a value
+        new = old[0] if value is None else json.dumps(value, ensure_ascii=False)
+        text = f"{begin}\n{'# ' * (value is None)}{key} = {new}{after[old.end() :]}"
     return text

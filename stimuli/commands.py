@@ -132,11 +132,11 @@ def _export(name: str, path: Path | None, out: Path, force: bool) -> None:
     write_whole(beside, walk.text)
 
 
-def size_in(text: str | None) -> tuple[int, int] | None:
+def size_in(text: str | None, option: str = "--size") -> tuple[int, int] | None:
     """Read a size such as 640x360."""
     if text is None:
         return None
     match = re.fullmatch(r"([0-9]+)[xX×]([0-9]+)", text.strip())
     if match is None:
-        raise InputError(f"--size {text}: give width and height in pixels, as 640x360")
+        raise InputError(f"{option} {text}: give width and height in pixels, as 640x360")
     return int(match[1]), int(match[2])

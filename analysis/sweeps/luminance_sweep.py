@@ -28,7 +28,7 @@ from evenlight.analysis.sweeps.sweep_result import (
     name_panel,
     source_of,
 )
-from evenlight.data_schema.display import Display
+from evenlight.data_schema.display import OF_DEVICE, Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_layout import SWEEP_MANIFEST
 from evenlight.data_schema.recordings.sweep import LuminanceReading, SweepPhase
@@ -81,6 +81,8 @@ def _display(sweep: Sweep[LuminanceReading], record: DisplayFit) -> Display:
         f"luminance sweep {manifest.session_id} with {manifest.rig.luminance_meter}: {record.n_readings} "
         f"readings of {record.n_levels} pixel values"
     )
+    known = manifest.display
+    device = {} if known is None else {name: getattr(known, name) for name in OF_DEVICE}
     return Display(
         peak_luminance=record.peak_luminance,
         black_level=record.black_level,
@@ -88,6 +90,7 @@ def _display(sweep: Sweep[LuminanceReading], record: DisplayFit) -> Display:
         pixels_per_degree=manifest.pixels_per_degree,
         reflected_luminance=record.reflected_luminance,
         **source_of(sweep, record, read, "" if record.is_gamma else "no gamma display"),
+        **device,
     )
 
 

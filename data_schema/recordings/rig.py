@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 
 from evenlight.data_schema.display import COARSEST, FINEST
+from evenlight.data_schema.display import Actuator as Actuator
 from evenlight.data_schema.quantities import described, quantity, record
 
 # What is printed on a key, in lower case, or its name as PsychoPy has it; a name that no key has would never
@@ -37,13 +38,6 @@ class Dither(enum.Enum):
     NOISY_BIT = "noisy_bit"  # fresh noise for each pixel and frame (Allard & Faubert 2008)
     ORDERED = "ordered"  # 8 x 8 threshold matrix (Bayer 1973)
     NONE = "none"  # rounding: a slow ramp becomes a few visible jumps
-
-
-class Actuator(enum.Enum):
-    """What makes the brightness."""
-
-    PIXELS = "pixels"
-    BACKLIGHT = "backlight"
 
 
 class Eye(enum.Enum):

@@ -3,14 +3,14 @@
 import dataclasses
 import re
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from evenlight.data_schema.display import Display
+from evenlight.data_schema.display import OF_DEVICE, Display
 from evenlight.data_schema.quantities import file_key
-from evenlight.experiments.new_command import DISTANCES
 from evenlight.hardware.rig_files import load_rig
 from evenlight.method.preset_files import load_display, preset_names
 
@@ -41,16 +41,37 @@ def test_the_display_has_the_presets_numbers_and_a_comment_on_every_key(
     assert "DisplayMate" not in text
     for field in dataclasses.fields(Display):
         if field.name not in ("measured", "provenance"):
+            blank = "# " if field.name == "field_of_view" else ""  # which a phone has not
             assert re.search(
-                rf"(?m)^# {re.escape(field.metadata['doc'])}.*\n# how: .+\n{file_key(field)} = ", text
+                rf"(?m)^# {re.escape(field.metadata['doc'])}.*\n# how: .+\n{blank}{file_key(field)} = ", text
             )
+    assert all(getattr(shown, name) == getattr(load_display("phone-oled"), name) for name in OF_DEVICE)
 
 
-def test_the_distance_is_the_one_of_the_presets_pixels_per_degree() -> None:
-    for name in preset_names("display"):
-        stated = re.search(r"seen from ([0-9.]+) m", load_display(name).source)
-        if stated is not None:
-            assert DISTANCES.get(name, 0.6) == float(stated[1]), name  # 0.6: the rig's own
+@pytest.mark.parametrize("preset", preset_names("display"))
+def test_every_preset_makes_a_rig(command: Callable[..., Any], tmp_path: Path, preset: str) -> None:
+    assert command("new", "rig", tmp_path / "a.rig.toml", "--display", preset).code == 0
+    rig, display = load_rig(str(tmp_path / "a.rig.toml"))
+    shown = load_display(display)
+    assert replace(shown, name=preset, source="") == replace(load_display(preset), source="")
+    if shown.viewing_distance is not None:
+        assert rig.viewing_distance == shown.viewing_distance
+
+
+def test_size_and_distance_of_ones_own_make_the_pixels_per_degree(
+    command: Callable[..., Any], tmp_path: Path
+) -> None:
+    """2 · 700 mm · tan(0.5°) is 12.217 mm for a degree, which holds 12.217 / (600 / 3840) pixels."""
+    words = ("--width-mm", "600", "--distance-m", "0.7", "--pixels", "3840x2160")
+    assert command("new", "rig", tmp_path / "big.rig.toml", *words).code == 0
+    rig, display = load_rig(str(tmp_path / "big.rig.toml"))
+    shown = load_display(display)
+    assert (rig.viewing_distance, shown.resolution, shown.size) == (0.7, (3840, 2160), (600.0, 337.5))
+    assert shown.pixels_per_degree == pytest.approx(78.19, abs=0.005)
+    for preset, says in (("quest-3", "no flat picture"), (display, "has its own size")):
+        refused = command("new", "rig", tmp_path / "b.rig.toml", "--display", preset, "--width-mm", "600")
+        assert (refused.code, refused.err.count("\n")) == (2, 1)
+        assert says in refused.err
 
 
 def test_what_is_there_is_replaced_by_force_alone(command: Callable[..., Any], tmp_path: Path) -> None:
