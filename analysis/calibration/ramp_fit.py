@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -14,6 +14,7 @@ from scipy import special
 
 from evenlight.analysis.calibration.calibration import Calibration
 from evenlight.analysis.calibration.fit_report import write_calibration
+from evenlight.analysis.calibration.inference_data import DRAWS, inference_data
 from evenlight.analysis.calibration.psychometric.psychometric_fit import (
     PsychometricFit,
     posterior_grid,
@@ -22,6 +23,7 @@ from evenlight.analysis.calibration.ramp_findings import calibration_drawings, f
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result, write_drawing
+from evenlight.data_schema.arguments import whole
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
@@ -161,6 +163,32 @@ class RampFit(Result):
             what = "several levels match" if found else "there is no level of"
             raise InputError(f"participant {participant}: {what} {level:g} cd/m^2; there are {there}")
         return found[0].fit.function
+
+    def inference_data(self, draws: int = DRAWS, seed: int = 1) -> Any:
+        """Return draws from the joint model's posterior, of curve and people together, for ArviZ.
+
+        Needs the extra `bayes`: `pip install 'evenlight[bayes]'`.
+
+        Parameters
+        ----------
+        draws : int
+            How many; they are independent.
+        seed : int
+            Of the random numbers.
+
+        Returns
+        -------
+        arviz.InferenceData
+            `posterior` has the rate limit [cd/m^2/s] at luminances, each participant's factor, width, guess
+            and lapse rate, and the spreads; `log_likelihood` and `posterior_predictive` are of the answers of
+            a participant at a level. Units and what is approximate are in the attributes.
+
+        Raises
+        ------
+        InputError
+            If ArviZ is not installed, or there is no joint model.
+        """
+        return inference_data(self.calibration, whole("draws", draws), whole("seed", seed))
 
     @property
     def heading(self) -> str:

@@ -9,7 +9,7 @@ answered all alike (docs/decisions/joint-model.md).
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -88,6 +88,7 @@ class JointFit:
     left_out: tuple[str, ...]  # participants with too many false alarms
     n_trials: int  # ramps answered
     notes: tuple[str, ...]  # what a reader should know, as sentences
+    population: PopulationCurve = field(repr=False)  # the posterior that all this is of
 
 
 def fit_joint(
@@ -137,6 +138,7 @@ def fit_joint(
         left_out=left_out,
         n_trials=sum(not trial.is_catch for trial in counted),
         notes=(),
+        population=population,
     )
     report(STAGES, STAGES)
     spare = int(luminance_groups(tables.luminance).max()) - shape.basis.degree
@@ -206,7 +208,7 @@ def _bands(
     basis, coefficients = fitted
     measured = population.tables.luminance
     luminance = band_luminances(float(measured.min()), float(measured.max()))
-    curves = _drawn_curves(population, draws, luminance)
+    curves = drawn_curves(population, draws, luminance)
     curve = np.full(luminance.size, coefficients[0])
     if basis.degree:
         curve = basis.design(luminance) @ coefficients[: basis.degree + 1]
@@ -292,7 +294,7 @@ class ParticipantFactor:
     all_alike: bool  # whether all answers were alike: they bound the factor from one side only
 
 
-def _drawn_curves(population: PopulationCurve, coefficients: Array, luminance: Array) -> Array:
+def drawn_curves(population: PopulationCurve, coefficients: Array, luminance: Array) -> Array:
     """Return ln(rate) of curves at luminances, (curves, luminances), of coefficients drawn, (curves, q)."""
     n_shape = population.prior.n_shape
     columns = smooth_basis(population.tables.luminance).design(luminance)[:, :n_shape]

@@ -11,7 +11,7 @@ in f come with the value: they are means and covariances over those nodes.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,7 +33,7 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import (
     joined_levels,
     level_order,
 )
-from evenlight.data_schema.arrays import Array, Mask
+from evenlight.data_schema.arrays import Array, Integers, Mask
 from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.method.compiled_loop import compiled_loop
 from evenlight.method.psychometric import WIDTH_LOGITS, threshold_logit
@@ -64,8 +64,11 @@ class AnswerTables:
     ln_likelihood: Array  # (C, P, T, K); 0 where a participant has no answers
     all_alike: Mask  # (P,): who gave one answer only, or of two intervals was right by chance at best
     ln_width: Array  # (P, K): the nodes
+    guess_rate: Array
     lapse_rate: Array
     ln_weight: Array  # prior mass of their guess and lapse rate
+    # The answers, with ln(rate / L), by number of level and participant; several of a display measured again
+    cells: Mapping[tuple[int, int], Sequence[tuple[RampCounts, Array]]]
 
     @property
     def luminance(self) -> Array:
@@ -79,6 +82,7 @@ class AnswerTables:
             self,
             ln_likelihood=take(self.ln_likelihood, chosen[None, :, None, :], axis=3),
             ln_width=take(self.ln_width, chosen, axis=1),
+            guess_rate=take(self.guess_rate, chosen, axis=1),
             lapse_rate=take(self.lapse_rate, chosen, axis=1),
             ln_weight=take(self.ln_weight, chosen, axis=1),
         )
@@ -109,14 +113,17 @@ def answer_tables(trials: Sequence[RampTrial], repeats: Repeats | None = None) -
     first = {who: own for (who, _), own in reversed(counts.items())}
     grids = [_nuisance_nodes(first[who]) for who in participants]
     table = np.zeros((len(levels), len(participants), nodes.size, grids[0].shape[1]))
+    cells: dict[tuple[int, int], list[tuple[RampCounts, Array]]] = {}
     for ((who, level), own), x in zip(counts.items(), relative, strict=True):
         place = levels.index(joined[level]), participants.index(who)
+        cells.setdefault(place, []).append((own, x))
         table[place] += _ln_likelihood(own, x, nodes, grids[place[1]])
-    ln_width, _, lapse, ln_weight = (np.array([grid[k] for grid in grids]) for k in range(4))
+    ln_width, guess, lapse, ln_weight = (np.array([grid[k] for grid in grids]) for k in range(4))
     alike = np.array(
         [_all_alike([own for (p, _), own in counts.items() if p == who]) for who in participants]
     )
-    return AnswerTables(participants, levels, start, step, table, alike, ln_width, lapse, ln_weight)
+    of_nodes = ln_width, guess, lapse, ln_weight
+    return AnswerTables(participants, levels, start, step, table, alike, *of_nodes, cells)
 
 
 def _all_alike(counts: Sequence[RampCounts]) -> bool:
@@ -145,14 +152,27 @@ def _beta_nodes(a: float, b: float, largest: float, size: int) -> Array:
     return np.array([special.betaincinv(a, b, share * (z + 1) / 2), weights / 2])
 
 
+def within_beta_nodes(
+    values: Array, beta: tuple[float, float], largest: float, size: int, rng: np.random.Generator
+) -> Array:
+    """Return values at nodes of a Beta density, each moved at random within the mass that its node is for."""
+    nodes, mass = _beta_nodes(*beta, largest, size)
+    node = np.abs(values[:, None] - nodes).argmin(axis=1)
+    share = special.betainc(*beta, largest) * (np.cumsum(mass) - mass * rng.random((values.size, size)))
+    return np.asarray(special.betaincinv(*beta, np.take_along_axis(share, node[:, None], axis=1)[:, 0]))
+
+
 def _ln_likelihood(counts: RampCounts, x: Array, nodes: Array, nuisance: Array) -> Array:
     """Return the log-likelihood of one participant's answers at one level, shape (T, K)."""
     ln_width, guess, lapse, _ = nuisance
-    slope = WIDTH_LOGITS * np.exp(-ln_width)
-    at_threshold = threshold_logit(guess)
-    logits = ((place - nodes)[:, None] * slope + at_threshold for place in x)
+    logits = (ln_odds((place - nodes)[:, None], ln_width, guess) for place in x)
     odds = (np.exp(np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)) for logit in logits)
     return ln_likelihood(counts, odds, guess, lapse, np.zeros((nodes.size, ln_width.size)))
+
+
+def ln_odds(distance: Array, ln_width: Array, guess: Array) -> Array:
+    """Return ln(F / (1 - F)) at ln(rate / threshold), for functions of some width and guess rate."""
+    return np.asarray(WIDTH_LOGITS * np.exp(-ln_width) * distance + threshold_logit(guess))
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,9 +216,7 @@ class SmoothTables:
         spread : Spread
             How participants differ; its τ is the one that the tables are smoothed with.
         """
-        reach = int(np.ceil(min(REACH * spread.participant_sd, FARTHEST) / self.tables.step)) + 1
-        u = self.tables.step / FINER * np.arange(-reach * FINER, (reach + 1) * FINER, dtype=np.float64)
-        ln_u, ln_nodes = _ln_masses(u, spread.participant_sd), self._ln_nodes(spread)
+        reach, u, ln_u, ln_nodes = self._nodes(spread)
         each = max(1, ELEMENTS // (self.splines.shape[0] * u.size * ln_nodes.shape[1]))
         groups = [slice(k, k + each) for k in range(0, ln_nodes.shape[0], each)]
         parts = [self._summed(f, reach, own, ln_u[:, None] + ln_nodes[own, None]) for own in groups]
@@ -207,8 +225,34 @@ class SmoothTables:
         slope, bend = (np.concatenate([part[k] for part in parts], axis=1) for k in (4, 5))
         return Evaluation(float(value), slope.sum(axis=1), curvature, u, of_u, of_nodes, slope, -bend)
 
+    def _nodes(self, spread: Spread) -> tuple[int, Array, Array, Array]:
+        """Return how many steps u reaches, its nodes, and ln of the prior masses of u and of other nodes."""
+        reach = int(np.ceil(min(REACH * spread.participant_sd, FARTHEST) / self.tables.step)) + 1
+        u = self.tables.step / FINER * np.arange(-reach * FINER, (reach + 1) * FINER, dtype=np.float64)
+        return reach, u, _ln_masses(u, spread.participant_sd), self._ln_nodes(spread)
+
+    def drawn(
+        self, f: Array, spread: Spread, rng: np.random.Generator
+    ) -> tuple[Array, Integers, Array, float]:
+        """Draw everyone's deviation and node, given the curve and the spreads as in `evaluate`.
+
+        Returns
+        -------
+        tuple
+            Deviations u (P,); numbers of the nodes of width and asymptotes (P,); log-likelihood of each cell
+            there (C, P); and that of all answers with deviations and nodes summed over.
+        """
+        reach, u, ln_u, ln_nodes = self._nodes(spread)
+        values = self._shifted(f, reach, slice(None), 1)[0]
+        ln_joint = (ln_u[:, None] + ln_nodes[:, None] + values.sum(axis=0)).reshape(values.shape[1], -1)
+        # Gumbel's: the largest of sums is at a place with the probability of its mass
+        picked = (ln_joint + rng.gumbel(size=ln_joint.shape)).argmax(axis=1)
+        of_u, node = np.divmod(picked, values.shape[3])
+        cells = values[:, np.arange(picked.size), of_u, node]
+        return u[of_u], node, cells, float(special.logsumexp(ln_joint, axis=1).sum())
+
     def _summed(self, f: Array, reach: int, people: slice, ln_prior: Array) -> tuple[Array, ...]:
-        values, first, second = self._shifted(f, reach, people)
+        values, first, second = self._shifted(f, reach, people, 3)
         ln_joint = ln_prior + values.sum(axis=0)
         each = special.logsumexp(ln_joint, axis=(1, 2))
         mass = np.exp(ln_joint - each[:, None, None])
@@ -222,7 +266,7 @@ class SmoothTables:
     def at_levels(self, kept: NDArray[np.intp]) -> SmoothTables:
         """Return the tables of some levels, by number."""
         levels = tuple(self.tables.levels[k] for k in kept.tolist())
-        own = replace(self.tables, levels=levels, ln_likelihood=self.tables.ln_likelihood[kept])
+        own = replace(self.tables, levels=levels, ln_likelihood=self.tables.ln_likelihood[kept], cells={})
         return SmoothTables(own, self.splines[kept])
 
     def _ln_nodes(self, spread: Spread) -> Array:
@@ -231,15 +275,15 @@ class SmoothTables:
         norm = special.logsumexp(_ln_normal(np.log(WIDTHS), spread))
         return np.asarray(self.tables.ln_weight + _ln_normal(ln_width, spread) - norm)
 
-    def _shifted(self, f: Array, reach: int, people: slice) -> tuple[Array, Array, Array]:
-        """Return the splines at f + u and their first and second derivatives, each (C, P, U, K)."""
+    def _shifted(self, f: Array, reach: int, people: slice, orders: int) -> Array:
+        """Return the splines at f + u, first and second derivative: so many of these, each (C, P, U, K)."""
         tables = self.tables
         places = (f[:, None] - tables.start) / tables.step + np.arange(FINER) / FINER
         low = np.floor(places).astype(np.intp)
         weights = np.array([[_spline_weights(t) for t in shares] for shares in (places - low).tolist()])
-        units = np.array([1.0, tables.step, tables.step**2])
-        found = spline_sums(self.splines[:, people], low - reach - 1, 2 * reach + 1, weights, units)
-        return found[0], found[1], found[2]
+        units = tables.step ** np.arange(float(orders))
+        begin = low - reach - 1
+        return spline_sums(self.splines[:, people], begin, 2 * reach + 1, weights[:, :, :orders], units)
 
 
 def smoothed(tables: AnswerTables, level_sd: float) -> SmoothTables:
@@ -289,23 +333,23 @@ def spline_sums(splines: Array, begin: NDArray[np.intp], length: int, weights: A
         For each cell and finer step, the row of the first neighbour of the first sum.
     length : int
         Rows of sums L.
-    weights, units : array (C, F, 3, 4), array (3,)
-        Each of the three sums is divided by its unit.
+    weights, units : array (C, F, n, 4), array (n,)
+        Each of the n sums is divided by its unit.
 
     Returns
     -------
-    array (3, C, P, L·F, K)
+    array (n, C, P, L·F, K)
     """
     n_cells, n_people, size, n_nodes = splines.shape
     finer = begin.shape[1]
-    found = np.empty((3, n_cells, n_people, length * finer, n_nodes))
+    found = np.empty((units.size, n_cells, n_people, length * finer, n_nodes))
     for cell, person in np.ndindex(n_cells, n_people):
         rows = splines[cell, person]
         for i, part in np.ndindex(length, finer):
             at = begin[cell, part] + i
             a, b = rows[min(max(at, 0), size - 1)], rows[min(max(at + 1, 0), size - 1)]
             c, d = rows[min(max(at + 2, 0), size - 1)], rows[min(max(at + 3, 0), size - 1)]
-            for order in range(3):
+            for order in range(units.size):
                 w, x, y, z = weights[cell, part, order]
                 out = found[order, cell, person, i * finer + part]
                 for k in range(n_nodes):

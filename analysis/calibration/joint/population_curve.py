@@ -58,6 +58,11 @@ class CurveNode:
     precision: Array  # (q, q)
     evaluation: Evaluation
 
+    def draws(self, size: int, rng: np.random.Generator) -> Array:
+        """Return coefficients drawn from the node's posterior, shape (size, q)."""
+        root = np.linalg.cholesky(np.linalg.inv(self.precision))
+        return np.asarray(self.mean + rng.standard_normal((size, self.mean.size)) @ root.T)
+
 
 @dataclass(frozen=True, slots=True)
 class CurvePrior:
@@ -88,12 +93,8 @@ class PopulationCurve:
 
     def draws(self, size: int, rng: np.random.Generator) -> Array:
         """Return coefficients drawn from the posterior, shape (size, q)."""
-        drawn = []
-        for node, count in zip(self.nodes, rng.multinomial(size, self.weights), strict=True):
-            if count:
-                root = np.linalg.cholesky(np.linalg.inv(node.precision))
-                drawn.append(node.mean + rng.standard_normal((count, node.mean.size)) @ root.T)
-        return np.concatenate(drawn)
+        counts = rng.multinomial(size, self.weights).tolist()
+        return np.concatenate([node.draws(n, rng) for node, n in zip(self.nodes, counts, strict=True) if n])
 
 
 def width_sd(population: PopulationCurve) -> float:
