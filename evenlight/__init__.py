@@ -10,6 +10,7 @@ The names below are the public interface; docs/api.md describes them. Each is im
 
 from __future__ import annotations
 
+import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -86,10 +87,10 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: `import evenlight` itself loads nothing."""
     if name == "__version__":
         return _version()
+    if name == "samples":
+        return importlib.import_module("evenlight.samples")
     if name not in _PLACES:
         raise AttributeError(f"module 'evenlight' has no attribute {name!r}")
-    import importlib
-
     found = getattr(importlib.import_module(_PLACES[name]), name)
     globals()[name] = found
     return found

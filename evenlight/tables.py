@@ -70,7 +70,8 @@ def fit_ramps(
     display : str, path or Display
         What the ramps were shown on: the rate limit holds for it alone.
     simulated : bool
-        Whether simulated participants answered; thresholds, rate limit and tracks say so.
+        Whether simulated participants answered, as a column `simulated` says too; thresholds, rate limit and
+        tracks tell.
     model : {"joint", "individual", "pooled"}, optional
         How answers become the curve: all at once, with a simultaneous band; a threshold for each participant
         and level, then a curve; all answers pooled, as if of one person. The others are fitted too. Default:
@@ -105,6 +106,7 @@ def fit_ramps(
         monotone=flag("monotone", monotone),
     )
     rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
+    simulated = simulated or _says_simulated(rows)
     trials = [
         _record(RampTrial, _ramp_row(row, panel, number), number, {}, simulated)
         for number, row in enumerate(rows)
@@ -142,7 +144,7 @@ def analyze(
     task : {"rating", "comparison", "search"} or a registered task, optional
         Else the columns tell.
     simulated : bool
-        Whether simulated participants answered.
+        Whether simulated participants answered, as a column `simulated` says too.
     seed : int
         Seed of permutations and bootstrap samples.
     margin : float
@@ -166,6 +168,7 @@ def analyze(
     if task is not None and not (isinstance(task, str) and task in viewing):
         raise must_be_one_of("task", task, viewing)
     rows = _rows_of(table, ("participant_id", "sequence"))
+    simulated = simulated or _says_simulated(rows)
     task = task or _task_of({key for row in rows for key in row})
     if task == "rating":
         rows = _with_places(rows)
@@ -208,6 +211,11 @@ def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
         if empty:
             raise InputError(f"row {len(rows) - 1} of the table: no {', '.join(empty)}")
     return rows
+
+
+def _says_simulated(rows: list[dict[str, Any]]) -> bool:
+    """Return whether a table labels any of its answers as simulated."""
+    return any(str(row.get("simulated", "")).lower() in ("true", "1", "1.0") for row in rows)
 
 
 def _record(
