@@ -79,7 +79,7 @@ FpsOption = Annotated[
 ]
 DamagedOption = Annotated[
     Member[Damaged],
-    viewing(help="Refuse a damaged film, or hold or skip what is lost up to its next key frame."),
+    expert(help="Refuse a damaged film, or hold or skip what is lost up to its next key frame."),
 ]
 StreamOption = Annotated[
     int | None, expert(metavar="N", help="Stream of the film, as FFmpeg counts; else that of players.")
