@@ -12,7 +12,18 @@ from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, ObjectiveName, SolverName
 
 __all__ = [
-    "Actuator", "BandKind", "BudgetUnit", "Damaged", "Device", "Direction", "LimitCurve",
-    "ModulatedLuminance", "ObjectiveName", "PanelKind", "Procedure", "RateLimitForm", "RateLimitModel",
+    "Actuator",
+    "BandKind",
+    "BudgetUnit",
+    "Damaged",
+    "Device",
+    "Direction",
+    "LimitCurve",
+    "ModulatedLuminance",
+    "ObjectiveName",
+    "PanelKind",
+    "Procedure",
+    "RateLimitForm",
+    "RateLimitModel",
     "SolverName",
-]  # fmt: skip
+]

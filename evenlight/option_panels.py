@@ -102,18 +102,26 @@ GONE = {
 }
 
 # What an option or argument takes, and what completes it, by its name; a command may say otherwise.
-_TAKEN = {
-    "B": "budget",
-    "DEGREES": "field_of_view",
-    "DIR": "out stimuli",
-    "DRIVER:ADDRESS": "instrument",
-    "HZ": "fps rate_hz",
-    "ID": "participant session",
-    "LOSS": "target_loss",
-    "NAME|FILE": "design display power_model rate_limit rig",
-    "SECONDS": "horizon interval_s seconds",
+METAVARS = {
+    "budget": "B",
+    "design": "NAME|FILE",
+    "display": "NAME|FILE",
+    "field_of_view": "DEGREES",
+    "fps": "HZ",
+    "horizon": "SECONDS",
+    "instrument": "DRIVER:ADDRESS",
+    "interval_s": "SECONDS",
+    "out": "DIR",
+    "participant": "ID",
+    "power_model": "NAME|FILE",
+    "rate_hz": "HZ",
+    "rate_limit": "NAME|FILE",
+    "rig": "NAME|FILE",
+    "seconds": "SECONDS",
+    "session": "ID",
+    "stimuli": "DIR",
+    "target_loss": "LOSS",
 }
-METAVARS = {name: taken for taken, names in _TAKEN.items() for name in names.split()}
 COMPLETIONS = {
     "clip": complete_video,
     "design": complete_design,

@@ -42,9 +42,16 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> Path:
         elif source.exists():
             target.write_bytes(source.read_bytes())
     build = [
-        sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", "-w",
+        sys.executable,
+        "-m",
+        "pip",
+        "wheel",
+        "--quiet",
+        "--no-deps",
+        "--no-build-isolation",
+        "-w",
         str(out),
-    ]  # fmt: skip
+    ]
     done = subprocess.run([*build, str(copy)], capture_output=True, text=True, timeout=200, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return next(out.glob("*.whl"))

@@ -220,9 +220,17 @@ def test_a_catch_trial_with_a_rate_and_a_ramp_beyond_the_display_are_refused(imp
 def test_relative_rates_are_of_the_initial_luminance(importing) -> None:
     text = "participant,factor,rate,duration,response\na,50,4,5,yes\n"
     _, trials = importing(
-        text, "ramp", "--unit", "factor=%", "--unit", "rate=%/s", "--unit", "duration=s", "--display",
+        text,
+        "ramp",
+        "--unit",
+        "factor=%",
+        "--unit",
+        "rate=%/s",
+        "--unit",
+        "duration=s",
+        "--display",
         "varjo-xr3",
-    )  # fmt: skip
+    )
     assert trials[0]["initial_luminance_cd_m2"] == pytest.approx(52.2)
     assert trials[0]["rate_cd_m2_s"] == pytest.approx(0.04 * 52.2)
 

@@ -453,9 +453,16 @@ LAB = Display("lab", peak_luminance=100.0, black_level=0.1, gamma=2.2, pixels_pe
 
 def manifest(design: Design | None = None, task: str = "rating") -> SessionManifest:
     return SessionManifest(
-        "01", "01", task, False, SessionStatus.COMPLETE, 1, display=LAB, design=design,
+        "01",
+        "01",
+        task,
+        False,
+        SessionStatus.COMPLETE,
+        1,
+        display=LAB,
+        design=design,
         provenance=Provenance(),
-    )  # fmt: skip
+    )
 
 
 @pytest.mark.parametrize(

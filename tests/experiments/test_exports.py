@@ -38,10 +38,17 @@ def recorded(tmp_path_factory: pytest.TempPathFactory) -> Path:
         with pytest.raises(SystemExit) as ended:
             command_line.main(
                 [
-                    "run", "ramp", *words, "--simulate", "data", "--design", str(design), "--out",
+                    "run",
+                    "ramp",
+                    *words,
+                    "--simulate",
+                    "data",
+                    "--design",
+                    str(design),
+                    "--out",
                     str(folder / "lab"),
                 ]
-            )  # fmt: skip
+            )
         assert not ended.value.code
     return folder / "lab"
 

@@ -104,8 +104,16 @@ def test_readers_and_validate_name_file_luminance_curve_and_band(broken_limit: P
 def test_commands_refuse_it_in_one_line(command, broken_limit: Path, tmp_path: Path, arguments) -> None:
     name, *options = arguments
     asked = (
-        name, "checkerboard", "--fps", 2, "--rate-limit", broken_limit, "--out", tmp_path / "o", *options,
-    )  # fmt: skip
+        name,
+        "checkerboard",
+        "--fps",
+        2,
+        "--rate-limit",
+        broken_limit,
+        "--out",
+        tmp_path / "o",
+        *options,
+    )
     result = command(*asked)
     assert (result.code, result.err.count("\n"), (tmp_path / "o").exists()) == (2, 1, False)
     assert str(broken_limit) in result.err

@@ -41,9 +41,18 @@ N_REPLIES = 3  # among which it is chosen
 LATE, AFTER = (0.1, 0.9), (0.0, 0.004, 0.02, 0.3)  # [s]
 SESSION = 50  # readings between one opening and the next
 FAULTS = (
-    "lost bytes", "cut", "merged", "doubled", "late", "stray before", "stray after", "unasked", "garbage",
-    "flipped bit", "silence",
-)  # fmt: skip
+    "lost bytes",
+    "cut",
+    "merged",
+    "doubled",
+    "late",
+    "stray before",
+    "stray after",
+    "unasked",
+    "garbage",
+    "flipped bit",
+    "silence",
+)
 Value = tuple[float, float, float]  # luminance, x, y; x and y are 0 where there are none
 
 

@@ -106,9 +106,17 @@ def main(dataset: Path) -> None:
     rig, display = load_rig("simulated")
     rig = dataclasses.replace(rig, window_size=(480, 300))  # pages find room, and a processor draws it soon
     request = run_session.SessionRequest(
-        "ramp", dataset, "01", "01", rig, load_display(display), DESIGN, load_pages("en"), Staging(None),
+        "ramp",
+        dataset,
+        "01",
+        "01",
+        rig,
+        load_display(display),
+        DESIGN,
+        load_pages("en"),
+        Staging(None),
         seed=5,
-    )  # fmt: skip
+    )
     outcome = run_session.run_session(request)
     told = {"dataset": str(dataset), "status": outcome.status.value, "pressed": Sitter.pressed}
     print(json.dumps(told))

@@ -41,9 +41,18 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A second of a small sunrise."""
     path = tmp_path_factory.mktemp("films") / "film.mkv"
     words = [
-        "render", "sunrise", "--size", "64x36", "--duration", "1", "--fps", "5", "--out", str(path),
+        "render",
+        "sunrise",
+        "--size",
+        "64x36",
+        "--duration",
+        "1",
+        "--fps",
+        "5",
+        "--out",
+        str(path),
         "--quiet",
-    ]  # fmt: skip
+    ]
     with pytest.raises(SystemExit, match="0"):
         command_line.main(words)
     return path

@@ -67,17 +67,30 @@ def played(made: Path, virtual_screen: Callable[[], str]) -> dict[str, Any]:
     small = ["--rig", "simulated", "--simulate"]
     commands = [
         [
-            "play", video, track, "--simulate", "--log", str(made / "log.csv"), "--screenshots",
+            "play",
+            video,
+            track,
+            "--simulate",
+            "--log",
+            str(made / "log.csv"),
+            "--screenshots",
             str(made / "shots"),
         ],
         [
-            "play", str(made / "10.mkv"), track, "--version", "both", "--label", "--log",
-            str(made / "log.jsonl"), *small,
+            "play",
+            str(made / "10.mkv"),
+            track,
+            "--version",
+            "both",
+            "--label",
+            "--log",
+            str(made / "log.jsonl"),
+            *small,
         ],
         ["play", "checkerboard", short, "--size", "700x480", *small, "--log", str(made / "board.csv")],
         ["play", "checkerboard", track, "--size", "64x48", "--version", "full", "--simulate", "--quiet"],
         ["play", video, track, "--version", "baseline"],
-    ]  # fmt: skip
+    ]
     script = Path(__file__).with_name("play_on_window.py")
     return said_by(script, [str(made), json.dumps(commands)], os.environ | {"DISPLAY": virtual_screen()})
 

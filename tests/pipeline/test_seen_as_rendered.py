@@ -88,9 +88,16 @@ def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command
     told = command("optimize", "--no-player", rendered, "--budget", 0.5, "--out", tmp_path / "seen")
     assert "board: analysed at 90°, 0.838 pixels/°" in told.err
     narrow = command(
-        "optimize", "--no-player", rendered, "--budget", 0.5, "--field-of-view", 1.4, "--out",
+        "optimize",
+        "--no-player",
+        rendered,
+        "--budget",
+        0.5,
+        "--field-of-view",
+        1.4,
+        "--out",
         tmp_path / "narrow",
-    )  # fmt: skip
+    )
     assert "board: analysed at 1.4°, 68.6 pixels/°" in narrow.err
     summary = json.loads((tmp_path / "narrow" / "summary.json").read_text())
     assert summary["field_of_view_deg"] == 1.4

@@ -93,12 +93,18 @@ def test_optimize_takes_what_the_sweeps_of_a_new_display_made(
     make_video(tmp_path / "made.mkv", [0.3 + 0.05 * frame for frame in range(12)], (64, 48), 25.0)
     done = command(
         *(
-            "optimize", "--no-player", tmp_path / "made.mkv", "--budget", "0.5", "--out", track,
+            "optimize",
+            "--no-player",
+            tmp_path / "made.mkv",
+            "--budget",
+            "0.5",
+            "--out",
+            track,
             "--other-display-ok",
         ),
         *("--display", sweeps / "luminance-sweep_01/display.toml"),
         *("--power-model", sweeps / "power-sweep_01/power.toml"),
-    )  # fmt: skip
+    )
     assert done.code == 0, done.err
     summary = json.loads((track / "summary.json").read_text())
     assert summary["full_power_w"] > summary["mean_power_w"] > 0

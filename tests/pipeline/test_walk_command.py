@@ -112,8 +112,16 @@ def test_a_walk_without_a_controller_logs_its_frames_and_is_seen_at_true_size_wi
     """64 pixels at 72.28 per degree, 4141 from the eye, are 2 atan(32 / 4141) = 0.885 degrees."""
     log = tmp_path / "frames.csv"
     words = [
-        "walk", "house", "--simulate", "--seconds", "0.1", "--size", "64x36", "--factor", "0.8",
-    ]  # fmt: skip
+        "walk",
+        "house",
+        "--simulate",
+        "--seconds",
+        "0.1",
+        "--size",
+        "64x36",
+        "--factor",
+        "0.8",
+    ]
     words += ["--display", "varjo-xr3", "--log", str(log)]
     run = Run(words, os.environ | {"DISPLAY": virtual_screen()})
     out, err = run.communicate(timeout=200)

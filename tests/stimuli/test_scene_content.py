@@ -95,9 +95,16 @@ def test_every_room_has_its_name_and_is_passed(scene):
         for t in np.arange(0, path.duration, 0.5)
     }
     rooms = {
-        "garden", "front garden", "terrace", "porch", "living room", "kitchen", "hallway", "stairs",
+        "garden",
+        "front garden",
+        "terrace",
+        "porch",
+        "living room",
+        "kitchen",
+        "hallway",
+        "stairs",
         "basement",
-    }  # fmt: skip
+    }
     assert rooms <= {place.name for place in scene.places}
     assert rooms <= passed
 
