@@ -39,7 +39,7 @@ RAMP_PANEL, VIEWING_PANEL = "Of ramp, a calibration", "Of rating, comparison and
 USUAL = inspect.Parameter.POSITIONAL_OR_KEYWORD
 KINDS = {"int": int, "str": str, "tuple[str, ...]": list[str]}
 FOR_EXPERTS = {"agreement", "display", "locations", "margin", "ratio", "repetitions", "sequences", "share"}
-FOR_EXPERTS |= {"spread", "undetected"}
+FOR_EXPERTS |= {"analysis", "spread", "undetected"}
 SLOW = ("ramp", "search")  # shared among processes
 Columns = Mapping[str, Callable[[Any], str]]  # of the printed table: heading, and how a row fills it
 
@@ -116,7 +116,7 @@ def plan(
     if quick and thorough:
         raise InputError("--quick and --thorough cannot be had together; give one of them")
     from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
-    from evenlight.analysis.plans.preregistration import design_to_register, write_preregistration
+    from evenlight.analysis.plans.preregistration import design_to_register, register
     from evenlight.analysis.plans.ramp_plan import plan_ramps
     from evenlight.analysis.plans.viewing_plan import plan_viewing
     from evenlight.data_schema.provenance import require_seed
@@ -142,7 +142,7 @@ def plan(
             found = planned(question, numbers, runs, seed, told)
         found.write(folder)
     if preregister and registered:
-        write_preregistration(preregister, question, found, registered, utc_now())
+        register(preregister, question, found, registered, utc_now())
     if not quiet:
         _print_plan(found, RAMP_COLUMNS if task == "ramp" else VIEWING_COLUMNS, out)
         if preregister:

@@ -106,7 +106,7 @@ def fit_ramps(
         monotone=flag("monotone", monotone),
     )
     rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
-    simulated = simulated or _says_simulated(rows)
+    simulated = flag("simulated", simulated) or _says_simulated(rows)
     trials = [
         _record(RampTrial, _ramp_row(row, panel, number), number, {}, simulated)
         for number, row in enumerate(rows)
@@ -168,7 +168,7 @@ def analyze(
     if task is not None and not (isinstance(task, str) and task in viewing):
         raise must_be_one_of("task", task, viewing)
     rows = _rows_of(table, ("participant_id", "sequence"))
-    simulated = simulated or _says_simulated(rows)
+    simulated = flag("simulated", simulated) or _says_simulated(rows)
     task = task or _task_of({key for row in rows for key in row})
     if task == "rating":
         rows = _with_places(rows)

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from evenlight.analysis.calibration.psychometric.thresholds import MAX_FALSE_ALARM_RATE
-from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
+from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
 from evenlight.analysis.dataset_findings import AnalysisOptions
 from evenlight.analysis.integrity.concern import ConcernKind
 from evenlight.analysis.plans.plan import Plan, people_in_words
@@ -24,21 +24,17 @@ from evenlight.analysis.report_prose import prose
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import first_few, participants
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import (
-    mapping_from_record,
-    plain_value,
-    record_from_mapping,
-    sha256_of_record,
-)
+from evenlight.data_schema.mapping import mapping_from_record, plain_value, record_from_mapping, type_hints
 from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes
-from evenlight.data_schema.quantities import file_key
+from evenlight.data_schema.quantities import file_key, typed
 from evenlight.data_schema.recordings.dataset_layout import PREREGISTRATIONS
 from evenlight.data_schema.recordings.ramp import Placement, RampDesign
 from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.recordings.session import Design, SessionManifest
 from evenlight.data_schema.recordings.study import Preregistration, study_of
-from evenlight.data_schema.storage.text_files import parse_json, read_text
+from evenlight.data_schema.result_request import REQUEST, ResultRequest
+from evenlight.data_schema.storage.text_files import parse_json, read_text, read_toml_record
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.experiments.design_files import load_task_design
 from evenlight.method.preset_files import load_display
@@ -78,7 +74,7 @@ def design_to_register(file: Path, task: str, asked: dict[str, Any]) -> tuple[st
     return names[0], design
 
 
-def write_preregistration(
+def register(
     file: Path, question: RampQuestion | Truth, plan: Plan, design: tuple[str, Design], made: str
 ) -> None:
     """Write a plan of one design, of a name, as the pre-registration that is made now, UTC (ISO 8601).
@@ -96,20 +92,17 @@ def write_preregistration(
     if None in needed:
         raise InputError(f"{file}: no number of participants is enough; give one by `participants`")
     ramp = question if isinstance(question, RampQuestion) else None
-    how: How = RateLimitOptions() if ramp else AnalysisOptions()
+    how: How = _fit_options(ramp.analysis) if ramp else AnalysisOptions()
     if isinstance(question, ComparisonTruth):
         how = AnalysisOptions(margin=question.margin)
     elif isinstance(question, SearchTruth):
         how = AnalysisOptions(slowing=round(question.margin - 1, 9))
-    registered = Preregistration(
-        task=question.task,
-        made=made,
-        participants=max(filter(None, needed)),
-        design=design[1],
-        display=load_display(ramp.display).name if ramp else "",
-        options=options_of(question.task, how),
-        provenance=provenance_now(plan.provenance.seed, {f"design {design[0]}": sha256_of_record(design[1])}),
+    n, display = max(filter(None, needed)), load_display(ramp.display).name if ramp else ""
+    origin = provenance_now(
+        plan.provenance.seed, {f"design {design[0]}": _digest(mapping_from_record(design[1]))}
     )
+    options = options_of(question.task, how)
+    registered = Preregistration(question.task, made, n, design[1], display, options, origin)
     text = prose(
         "preregistration",
         r=registered,
@@ -123,12 +116,23 @@ def write_preregistration(
         keys=[
             (file_key(f), _words(getattr(design[1], f.name)), f.metadata["doc"]) for f in fields(design[1])
         ],
+        usual=options_of("ramp", RateLimitOptions()),
         most_false_alarms=MAX_FALSE_ALARM_RATE,
         concerns=[kind.value for kind in ConcernKind],
     )
     content = mapping_from_record(registered)
     block = json.dumps({**content, "sha256": _digest(content)}, indent=1, ensure_ascii=False)
     write_whole(file, "\n\n".join([*text, f"```json\n{block}\n```\n"]))
+
+
+def _fit_options(result: str) -> RateLimitOptions:
+    """Return the options that an earlier result of `fit` was asked for; without one the usual."""
+    asked = read_toml_record(ResultRequest, Path(result) / REQUEST).asked if result else {}
+    kinds = type_hints(RateLimitOptions)
+    told = {
+        name: typed(kinds[name], asked[name], f"{result}: {name}") for name in kinds.keys() & asked.keys()
+    }
+    return RateLimitOptions(**{"model": default_model(told.get("form")), **told})
 
 
 def options_of(task: str, options: How) -> dict[str, Any]:

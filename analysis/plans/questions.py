@@ -58,6 +58,7 @@ class RampQuestion:
         default=("paper", "yes_no_targeted", "recommended", "psi_marginal"),
     )
     display: str = described("display to calibrate: a preset or a toml file", default="varjo-xr3")
+    analysis: str = described("pre-register the analysis of this earlier result of `fit`", default="")
 
     def __post_init__(self) -> None:
         check_limits(self)

@@ -234,8 +234,9 @@ def test_what_a_study_does_not_say_is_told_and_not_made_up(lab: Path, tmp_path: 
     assert (refused.code, refused.err.count("\n"), (tmp_path / "refused").exists()) == (2, 1, False)
 
 
-def test_a_study_is_there_before_its_first_session(tmp_path: Path, command: Run) -> None:
+def test_study_and_pre_registration_are_there_before_the_first_session(tmp_path: Path, command: Run) -> None:
     assert command("new", "study", tmp_path / "lab").code == 0
+    (tmp_path / "lab" / "preregistration.md").touch()
     words = ("--participant", "01", "--session", "01", "--rig", "simulated", "--design", "quick", "--quiet")
     ran = command("run", "ramp", *words, "--simulate", "data", "--out", tmp_path / "lab")
     assert ran.code == 0, ran.err

@@ -14,11 +14,14 @@ import pytest
 from evenlight import command as command_line
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
 from evenlight.analysis.dataset_findings import AnalysisOptions
-from evenlight.analysis.plans.preregistration import departures_of, read_preregistration
+from evenlight.analysis.plans.preregistration import departures_of, read_preregistration, register
+from evenlight.analysis.plans.questions import RampQuestion
+from evenlight.analysis.plans.ramp_plan import plan_ramps
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.session_loading import load_task
 from evenlight.data_schema.rate_limit import RateLimitModel
 from evenlight.data_schema.recordings.viewing import RatingTrial
+from evenlight.data_schema.result_request import ResultRequest
 from evenlight.data_schema.storage.text_files import write_toml_record
 from evenlight.experiments.design_files import load_design
 
@@ -155,7 +158,6 @@ def test_ratings_of_another_lab_have_no_design_and_another_scale(lab: Path, comm
         ('"participants": 4', '"participants": 3', "was changed"),
         ('"participants": 4', '"participants": ', "not valid JSON"),
         ("```json", "```", "missing"),
-        ('"ramp"', '"rating"', "was changed"),
     ],
 )
 def test_a_changed_or_foreign_file_is_refused_in_one_line(
@@ -192,6 +194,20 @@ def test_the_text_says_what_the_plan_the_design_and_the_study_say(planned: Path)
     ):  # fmt: skip
         assert words in text
     assert read_preregistration(planned / FILE).design == SHORT
+
+
+def test_another_analysis_is_registered_by_an_earlier_result_of_fit(tmp_path: Path) -> None:
+    asked = {"dataset": "pilot", "out": "fit", "model": "individual", "degree": 2}
+    write_toml_record(tmp_path / "request.toml", ResultRequest("fit", asked=asked))
+    write_toml_record(tmp_path / "short.design.toml", SHORT)
+    design = str(tmp_path / "short.design.toml")
+    question = RampQuestion(trials="12", design=(design,), analysis=str(tmp_path))
+    plan = plan_ramps(question, (2,), pool=2)
+    register(tmp_path / FILE, question, plan, (design, SHORT), "2026-11-29T09:00:00.000+00:00")
+    text = (tmp_path / FILE).read_text(encoding="utf-8")
+    assert f"`evenlight fit {tmp_path.name} --degree 2 --model individual --out results`" in text
+    assert "A logistic psychometric function of each participant" in text
+    assert read_preregistration(tmp_path / FILE).options["model"] == "individual"
 
 
 @pytest.mark.parametrize(
