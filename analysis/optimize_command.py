@@ -30,7 +30,7 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     source, *others = open_videos(names, wanted.fps, damaged=wanted.damaged, stream=wanted.stream)
     job = replace(wanted, others=None).job(source, display, request)
     effort = wanted.effort(display, job.model, one.quiet)
-    job = replace(job, others=tuple(others), effort=effort, quiet=one.quiet)
+    job = replace(job, others=tuple(others), effort=effort, quiet=one.quiet, price=True)
     with result_folder(one.out, "optimize", force=one.force) as folder:
         summary = run_optimization(job, folder)
     if not one.quiet:

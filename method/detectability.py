@@ -3,7 +3,7 @@
 A track is cut into windows as long as the ramps of the calibration. Each counts as one of its ramps, of the
 window's mean rate relative to the limit, seen by someone who watches a plain screen for it. Windows are
 independent observations (docs/decisions/calm-tracks.md). By the same function the limit is moved to another
-share of detections (docs/decisions/threshold-definition.md).
+share of detections (docs/decisions/rate-constraint.md).
 """
 
 from __future__ import annotations
@@ -13,50 +13,23 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy import special
 
 from evenlight.data_schema.arguments import number
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import ArgumentError
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
+from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitForm
 from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.tracks.brightness_track import WatchedTrack
-from evenlight.method.psychometric import (
-    TWO_INTERVAL_GUESS_RATE,
-    PsychometricFunction,
-    d_prime,
-    rate_at,
-    yes_probability,
-)
+from evenlight.method.psychometric import TWO_INTERVAL_GUESS_RATE, WIDTH_LOGITS, threshold_logit
 
 # Of people whom a limit's file does not tell: the prior of the width (`analysis.calibration`), by which its
 # 95 % interval reaches 1.8 times as far either way; brightness studies find an SD of ln(threshold) of 0.2 to
 # 0.35 between people. Without a guess rate, none, as the published limit was fitted.
 ASSUMED_WIDTH, ASSUMED_WIDTH_RATIO, ASSUMED_SD = 1.6, 1.8, 0.35
+SIMULTANEOUS = 4 / 3  # standard deviations of a simultaneous band for one of a pointwise band
 SENSITIVE = float(special.ndtri(0.95))  # of 100 people, 5 see more than this one
-
-
-def function_of(limit: RateLimit) -> PsychometricFunction | None:
-    """Return the median participant's psychometric function of rate / limit; None if it is not known.
-
-    >>> from evenlight.data_schema.rate_limit import RateLimitForm
-    >>> function_of(RateLimit("published", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0))) is None
-    True
-    """
-    if limit.width is None or limit.guess_rate is None or limit.procedure is None:
-        return None
-    own = PsychometricFunction(1.0, limit.width, limit.guess_rate, limit.lapse_rate or 0.0)
-    return own if limit.noticed is None else replace(own, threshold=1 / _ratio(own, limit.noticed))
-
-
-def _ratio(function: PsychometricFunction, noticed: float) -> float:
-    """Return the rate that is noticed in a share of the trials, guesses and lapses aside, over the threshold.
-
-    >>> round(_ratio(PsychometricFunction(3.0, width=2.0, guess_rate=0.5, lapse_rate=0.0), 0.5), 9)
-    1.0
-    """
-    rise = 1 - function.guess_rate - function.lapse_rate
-    return float(rate_at(function.guess_rate + rise * noticed, function)) / function.threshold
 
 
 def with_assumed(limit: RateLimit) -> tuple[RateLimit, str]:
@@ -69,7 +42,6 @@ def with_assumed(limit: RateLimit) -> tuple[RateLimit, str]:
         "width": (ASSUMED_WIDTH, f"width {ASSUMED_WIDTH:g} of the psychometric function"),
         "participant_sd": (ASSUMED_SD, f"SD {ASSUMED_SD:g} of ln(threshold) between people"),
         "guess_rate": (TWO_INTERVAL_GUESS_RATE if limit.procedure is Procedure.TWO_INTERVAL else 0.0, ""),
-        "procedure": (Procedure.YES_NO, ""),
     }
     missing = {name: one for name, one in told.items() if getattr(limit, name) is None}
     known = replace(limit, **{name: value for name, (value, _) in missing.items()})
@@ -79,12 +51,39 @@ def with_assumed(limit: RateLimit) -> tuple[RateLimit, str]:
     return known, ", ".join(words for _, words in missing.values() if words)
 
 
+def share_noticed(rate_ratio: ArrayLike, limit: RateLimit) -> Array:
+    """Return in which share of the trials the median participant notices a change, guesses and lapses aside.
+
+    Parameters
+    ----------
+    rate_ratio : array_like, any shape
+        Its rate over the limit, at least 0.
+    limit : RateLimit
+        What it does not tell of people is assumed (`with_assumed`).
+
+    >>> share_noticed([0.0, 1.0], RateLimit("r", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0))).tolist()
+    [0.0, 0.75]
+    """
+    known = with_assumed(limit)[0]
+    assert known.width is not None
+    with np.errstate(divide="ignore"):  # ln 0 = -inf is meant: nothing to see
+        distance = np.log(np.asarray(rate_ratio, dtype=np.float64))
+    return np.asarray(special.expit(WIDTH_LOGITS * distance / known.width + _logit_at(known)))
+
+
+def _logit_at(known: RateLimit) -> float:
+    """Return the logit of the share that is noticed at a limit."""
+    if known.noticed is not None:
+        return float(special.logit(known.noticed))
+    return float(threshold_logit(known.guess_rate or 0.0))
+
+
 def limit_at_share(limit: RateLimit, noticed: float) -> RateLimit:
     """Return the rate limit for another share of detections than that of 75 % of the trials.
 
     ln ΔL moves by (logit noticed - logit of F at the threshold) · width / (2 ln 19), the same at every
     luminance, thresholds and band with it. The band is widened by what is not known of the width, as if
-    independent of the curve (it nearly is: docs/decisions/threshold-definition.md).
+    independent of the curve (it nearly is: docs/decisions/rate-constraint.md).
 
     Parameters
     ----------
@@ -109,12 +108,18 @@ def limit_at_share(limit: RateLimit, noticed: float) -> RateLimit:
     if limit.noticed is not None:
         raise ArgumentError("noticed", f"the rate limit {limit.name!r} is for a share already")
     known = with_assumed(limit)[0]
-    own = function_of(known)
-    assert own is not None  # all that it needs is assumed
-    ratio = _ratio(own, noticed)
-    ends = sorted(_ratio(replace(own, width=width), noticed) for width in known.width_range or ())
+    assert known.width is not None
+    further = float(special.logit(noticed)) - _logit_at(known)
+    ratio, *ends = (
+        math.exp(further * width / WIDTH_LOGITS) for width in (known.width, *(known.width_range or ()))
+    )
+    ends.sort()  # the widest function lies lowest below the fitted share
+    further_sds = SIMULTANEOUS if limit.band_kind is BandKind.SIMULTANEOUS else 1.0
     curve, edges = limit(limit.band_luminance), (limit.band_lower, limit.band_upper)
-    lower, upper = (_moved(np.array(edge), curve, ratio, end) for edge, end in zip(edges, ends, strict=True))
+    lower, upper = (
+        _moved(np.array(edge), curve, ratio, (end / ratio) ** further_sds)
+        for edge, end in zip(edges, ends, strict=True)
+    )
     first, *others = limit.coefficients
     coefficients = (first + math.log(ratio), *others)
     if limit.form is RateLimitForm.RATE:
@@ -129,12 +134,12 @@ def limit_at_share(limit: RateLimit, noticed: float) -> RateLimit:
     )
 
 
-def _moved(edge: Array, curve: Array, ratio: float, end: float) -> tuple[float, ...]:
-    """Return an edge of a band times a ratio, widened by the end of its interval: independent errors."""
+def _moved(edge: Array, curve: Array, ratio: float, further: float) -> tuple[float, ...]:
+    """Return an edge of a band about a curve, times a ratio, and further out by an independent error."""
     with np.errstate(divide="ignore", invalid="ignore"):  # of rates of 0, which stay
         distance = np.log(edge / curve)
-        wider = np.hypot(distance, math.log(end / ratio)) - np.abs(distance)
-    side = 1.0 if end >= ratio else -1.0
+        wider = np.hypot(distance, math.log(further)) - np.abs(distance)
+    side = 1.0 if further >= 1 else -1.0
     return tuple((ratio * edge * np.exp(side * np.nan_to_num(wider))).tolist())
 
 
@@ -149,17 +154,12 @@ def watched(limit: RateLimit, rate_ratios: Array, durations: Array) -> WatchedTr
         Rate from each frame to the next over the limit, signed; how long each frame is shown [s].
     """
     known, assumed = with_assumed(limit)
-    own = function_of(known)
-    if limit.ramp_duration is None or own is None:
+    if limit.ramp_duration is None:
         return None
     ratios = window_ratios(rate_ratios, durations, limit.ramp_duration)
-    faster = np.exp(SENSITIVE * (known.participant_sd or 0.0) * np.array([[0.0], [1.0]]))
-    rise = (yes_probability(faster * ratios, own) - own.guess_rate) / (1 - own.guess_rate - own.lapse_rate)
-    median, sensitive = np.clip(rise.mean(axis=1), 0.0, 1.0).tolist()
-    two, total = limit.procedure is Procedure.TWO_INTERVAL, None
-    if function_of(limit) is not None:
-        total = float(np.linalg.norm(d_prime(ratios, own, two_intervals=two)))
-    return WatchedTrack(len(ratios), median, sensitive, total, assumed)
+    sensitive = math.exp(SENSITIVE * (known.participant_sd or 0.0)) * ratios
+    median, sharp = (float(share_noticed(own, known).mean()) for own in (ratios, sensitive))
+    return WatchedTrack(len(ratios), median, sharp, assumed)
 
 
 def window_ratios(rate_ratios: Array, durations: Array, window: float) -> Array:

@@ -18,7 +18,6 @@ THRESHOLD_PROBABILITY = 0.75  # "probability of 75 % of detecting the change", S
 WIDTH_LOGITS = 2 * np.log(19.0)  # logit(0.95) - logit(0.05): the width in units of the logistic's scale
 TWO_INTERVAL_GUESS_RATE = 0.5  # right by chance
 THRESHOLD_D_PRIME = math.sqrt(2) * float(special.ndtri(THRESHOLD_PROBABILITY))  # 0.954
-LEAST_MISSED = 1e-300  # d' stays finite, whatever the rate: at most 37 above the criterion
 LEAST_FALSE_ALARM_RATE = 0.01  # below it the criterion, and with it d', would run off to infinity
 
 
@@ -191,34 +190,6 @@ def two_interval_function(yes_no: PsychometricFunction) -> PsychometricFunction:
         guess_rate=TWO_INTERVAL_GUESS_RATE,
         lapse_rate=yes_no.lapse_rate / 2,
     )
-
-
-def d_prime(
-    rate: ArrayLike, function: PsychometricFunction, *, two_intervals: bool = False
-) -> NDArray[np.float64]:
-    """Return d′ of ramps of a rate: z(ψ) - z(γ) in yes/no, √2 z(ψ) of two intervals.
-
-    Equal-variance signal detection (Green & Swets 1966); who lapses did not look, so ψ is taken without
-    lapses: γ + (1 - γ) F.
-
-    Parameters
-    ----------
-    rate : array_like, any shape
-        In the unit of the function's threshold, at least 0.
-    function : PsychometricFunction
-        The observer's; in yes/no its guess rate is taken for at least 1 %.
-    two_intervals : bool
-        Whether the function is of 2IFC: then γ is chance, and d′ is 0 there.
-
-    >>> yes_no = PsychometricFunction(threshold=2.0, width=1.5, guess_rate=0.25)
-    >>> d_prime([0.0, 2.0], yes_no).round(6).tolist()  # z(0.75) - z(0.25) = 2 · 0.674
-    [0.0, 1.34898]
-    """
-    guess = function.guess_rate if two_intervals else max(function.guess_rate, LEAST_FALSE_ALARM_RATE)
-    asked = dataclasses.replace(function, guess_rate=guess)
-    missed = np.maximum((1 - guess) * special.expit(-_logit_of_rise(rate, asked)), LEAST_MISSED)
-    above = -special.ndtri(missed)
-    return np.asarray(math.sqrt(2) * above if two_intervals else above - special.ndtri(guess))
 
 
 def _density(z: float) -> float:

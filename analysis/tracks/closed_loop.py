@@ -17,6 +17,7 @@ from evenlight.analysis.report_prose import section
 from evenlight.analysis.report_sections import CLAIM, files_section, provenance_section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
+from evenlight.analysis.tracks.price_figure import ABOUT
 from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.analysis.tracks.track_words import (
     detection_in_words,
@@ -80,7 +81,9 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     # However few the participants: it is a demonstration, and its report says how well the limit is known.
     limit = usable_limit(load_rate_limit(fitted / "rate_limit.json"), data.display, accept_wide_band=True)
     request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
-    job = OptimizationJob(source, data.display, request, calm=DEFAULT_CALM, player=True, quiet=quiet)
+    job = OptimizationJob(
+        source, data.display, request, calm=DEFAULT_CALM, player=True, price=True, quiet=quiet
+    )
     summary = run_optimization(job, folder / TRACK)
     write_report(folder / REPORT, _report(calibration, found, summary, origin, folder))
 
@@ -90,12 +93,14 @@ def _report(
 ) -> Report:
     track, simulated = folder / TRACK, calibration.data.simulated
     curve, thresholds, _ = found.sections  # not every threshold
+    made = track_section(summary, (track / "track.png").read_bytes(), simulated)
+    price = Picture((track / "price.png").read_bytes(), ABOUT)
     return Report(
         "From ramps to a brightness track",
         cautious(calibration.concerns, first_words(summary)),
         (
             section("demo_introduction"),
-            replace(track_section(summary, (track / "track.png").read_bytes(), simulated), links=(SEE_IT,)),
+            replace(made, links=(SEE_IT,), pictures=(*made.pictures, price)),
             contrast_map_section((track / "contrast_map.png").read_bytes(), simulated),
             thresholds,
             curve,
@@ -164,7 +169,6 @@ def _summary_table(summary: OptimizationSummary) -> Table:
             ("at the rate limit, of the time", _percent(s.share_at_limit), 0.0, "%"),
             ("near it (above 90 % of it), of the time", _percent(s.share_near_limit), 0.0, "%"),
             ("reversals of the brightness", s.reversals_per_s, 0.0, "1/s"),
-            ("detectability of its changes, d′", s.watched.d_prime if s.watched else None, 0.0, "1"),
             ("length", s.duration, s.duration, "s"),
             ("frames", s.frames, s.frames, "1"),
             ("time for loss curves", s.curves_s, None, "s"),

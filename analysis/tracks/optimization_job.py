@@ -73,6 +73,7 @@ class OptimizationJob:
     cached: bool = False
     robust: tuple[str, ...] = ()  # measures (`method.contrast.measures`), the first `model`'s
     player: bool = False
+    price: bool = False  # whether the price of invisibility is drawn, too; not of a robust track
     quiet: bool = False
     watch: FrameWatcher = lambda frames: frames  # sees each frame as it is analysed
 

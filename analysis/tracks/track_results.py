@@ -11,6 +11,7 @@ import numpy as np
 from evenlight.analysis.figure_style import write_png
 from evenlight.analysis.player.picture_recorder import PictureRecorder
 from evenlight.analysis.player.player_page import PLAYER, player_content, write_player_page
+from evenlight.analysis.results import write_drawing
 from evenlight.analysis.tracks.contrast_map_figure import contrast_map_figure, contrast_maps
 from evenlight.analysis.tracks.control_run import ControlJob, control_video
 from evenlight.analysis.tracks.frame_samples import FrameSamples
@@ -21,6 +22,7 @@ from evenlight.analysis.tracks.optimization_job import (
     clip_folder,
     loss_curves_of,
 )
+from evenlight.analysis.tracks.price_figure import price_figure
 from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
@@ -53,6 +55,10 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
     several = len(clips) > 1
     if several:
         write_json_record(folder / SUMMARY, summary)
+    if job.price and summary.watched and not job.robust:
+        with shown_progress(job.quiet) as progress:
+            progress.step(f"price of invisibility of {summary.video}")
+            write_drawing(folder, price_figure(job, [curves for curves, _ in clips], summary))
     for number, ((curves, data), recorder) in enumerate(zip_longest(clips, recorders), start=1):
         path = folder / clip_folder(number, curves.video) if several else folder
         path.mkdir(parents=True, exist_ok=True)

@@ -282,7 +282,7 @@ def _little(summary: OptimizationSummary) -> str:
 
 
 def detection_in_words(summary: OptimizationSummary) -> str:
-    """Return sentences on how near to its limit a track changes, and how well that can be detected."""
+    """Return a sentence on how near to its limit a track changes, and how often it turns back."""
     near, turns = summary.share_near_limit, summary.reversals_per_s
     if near is None or turns is None:
         return "How long it is near the limit is not known (an older file)."
@@ -294,10 +294,7 @@ def detection_in_words(summary: OptimizationSummary) -> str:
         often = "reverses once a second"
     elif 0 < turns < 1:
         often = f"reverses once in {1 / turns:{'.2g' if turns > 0.1 else '.0f'}} s"
-    words, seen = f"The track is {how_near} and {often}.", summary.watched
-    if seen is None or seen.d_prime is None:
-        return words
-    return f"{words} For someone who watches a plain screen, d′ = {seen.d_prime:.2g} over all of it."
+    return f"The track is {how_near} and {often}."
 
 
 def noticed(summary: OptimizationSummary) -> str:
@@ -320,9 +317,9 @@ def _watched(summary: OptimizationSummary) -> str:
     if seen is None:
         return ""
     moved = "" if summary.noticed is None else f", of a limit for {100 * summary.noticed:g} % noticed"
-    each = f"periods of {summary.duration / seen.periods:.2g} s, the most sensitive 5 % of people"
-    assumed = f"; {seen.assumed}" if seen.assumed else ""
-    return f"who watches a plain screen{moved}: {noticed(summary)} ({each}{assumed})"
+    each = f"periods of {summary.duration / seen.periods:.2g} s, 5 % of people are as sensitive"
+    assumed = f"; assumed: {seen.assumed}" if seen.assumed else ""
+    return f"who watches a plain screen{moved}: {noticed(summary)}; {each}{assumed}"
 
 
 def rate_in_words(summary: OptimizationSummary) -> str:

@@ -67,9 +67,6 @@ class WatchedTrack:
     noticed_sensitive: float = share(
         "the same for a sensitive participant, whose threshold is at the 5th percentile"
     )
-    d_prime: float | None = quantity(
-        "1", "d′ over all periods; null where its psychometric function is assumed", minimum=0.0
-    )
     assumed: str = described("what of people was assumed for that; empty where the calibration tells")
 
 

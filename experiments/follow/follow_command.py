@@ -54,11 +54,7 @@ class FollowOptions:
     ] = None
     noticed: Annotated[
         float | None,
-        expert(
-            metavar="SHARE",
-            help="Share of detections that the limit is moved to, as of `optimize`.",
-            show_default="that of the track",
-        ),
+        expert(metavar="SHARE", help="As of `optimize`; otherwise the share that the track was made for."),
     ] = None
     limit_curve: Annotated[
         LimitCurve, expert(help="The fitted rate limit, or the lower (safe) edge of its band.")

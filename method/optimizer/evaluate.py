@@ -77,7 +77,7 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
         rate=np.where(unseen, 0.0, rate),
         rate_limit=np.where(unseen, own, limit),
         power=power(request.power_model, factors, curves.channel_means),
-        header=replace(header, watched=_watched(problem, request, factors)),
+        header=replace(header, watched=watched_track(problem, request, factors)),
     )
 
 
@@ -212,8 +212,11 @@ def reversals(factors: Array) -> int:
     return int(np.count_nonzero(signs[1:] != signs[:-1]))
 
 
-def _watched(problem: Problem, request: Request, factors: Array) -> WatchedTrack | None:
-    """Return how well a track's changes are detected, by the limit's curve whichever edge was obeyed."""
+def watched_track(problem: Problem, request: Request, factors: Array) -> WatchedTrack | None:
+    """Return how well a track's changes are noticed, by the fitted limit whatever was asked or obeyed.
+
+    As `track_of`; None if the limit's calibration does not tell.
+    """
     durations, reflected = problem.curves.durations, problem.curves.display.reflected_luminance
     fitted = allowed_rate(
         factors, problem.luminance, lambda emitted: rate_limit_at(request.rate_limit, emitted + reflected)

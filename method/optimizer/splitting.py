@@ -65,9 +65,9 @@ class SplittingSolver:
     start: Array | None = None
     # the only stages to go through, in place of those that suit the number of frames
     stages: tuple[SearchStage, ...] | None = None
-    # how much is done above 600 frames, without a start: 1, one search from a coarse problem; 2, its answer
-    # is settled; 3, another search from constant dimming; 4, all those of 501 to 600 frames, which takes
-    # seconds. None takes what suits the number of frames.
+    # how much is done above 600 frames, without a start: 1, one search from a coarse problem, and of
+    # fewer frames, too; 2, its answer is settled; 3, another search from constant dimming; 4, all those of
+    # 501 to 600 frames, which takes seconds. None takes what suits the number of frames.
     searches: int | None = None
 
     def solve(self, problem: Problem) -> Solution:
@@ -78,13 +78,14 @@ class SplittingSolver:
             return Solution(baseline, 0)
         if self.stages is not None:
             return search(problem, state_at(problem, baseline), self.stages)
+        long = n > LONG or self.searches == 1
         if self.start is not None:
             best = _from_start(problem, self.start)
-        elif n > LONG:
+        elif long:
             best = _of_a_long_video(problem, self.searches or 1 + (n <= SETTLED) + (n <= MEDIUM))
         else:
             best = search(problem, state_at(problem, baseline), (*FAR_TO_NEAR, *SETTLING))
-        return best if n > LONG else _of_a_short_video(problem, best, self.start is None)
+        return best if long else _of_a_short_video(problem, best, self.start is None)
 
 
 def _of_a_long_video(problem: Problem, searches: int) -> Solution:

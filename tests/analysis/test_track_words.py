@@ -22,7 +22,7 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit, WatchedTra
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome
 
 LITTLE = "little to gain here: constant dimming already loses nearly the same in every frame"
-WATCHED = WatchedTrack(periods=8, noticed=0.71, noticed_sensitive=0.94, d_prime=1.9, assumed="")
+WATCHED = WatchedTrack(periods=8, noticed=0.71, noticed_sensitive=0.94, assumed="")
 
 
 def test_a_film_with_much_to_gain_says_what_is_saved_what_it_costs_and_how_evenly() -> None:
@@ -228,24 +228,22 @@ def test_the_first_words_of_a_track_are_few() -> None:
 def test_how_near_its_limit_a_track_is_is_told_by_time(near: float, turns: float, words: str) -> None:
     known = {"share_near_limit": near, "reversals_per_s": turns}
     assert detection_in_words(summary(**known)) == words
-    told = detection_in_words(summary(**known, watched=WATCHED))
-    assert told == f"{words} For someone who watches a plain screen, d′ = 1.9 over all of it."
     assert "older file" in detection_in_words(summary())
 
 
 def test_who_notices_a_track_is_told_with_what_was_assumed_and_by_what_task() -> None:
     watched = "who watches a plain screen"
     by = "in 71 % of its periods by the median person, in 94 % by a sensitive one"
-    each = "(periods of 5 s, the most sensitive 5 % of people"
+    each = "periods of 5 s, 5 % of people are as sensitive"
     known = {"duration": 40.0, "watched": WATCHED}
-    assert gain_in_words(summary(**known))[-1] == f"{watched}: noticed {by} {each})"
+    assert gain_in_words(summary(**known))[-1] == f"{watched}: noticed {by}; {each}"
     moved = gain_in_words(summary(**known, noticed=0.25))[-1]
     assert moved.startswith(f"{watched}, of a limit for 25 % noticed: noticed in 71 %")
     two = gain_in_words(summary(**known, rate_limit_procedure=Procedure.TWO_INTERVAL))[-1]
     assert two.startswith(f"{watched}: told from stillness in 71 %")
-    assumed = replace(WATCHED, d_prime=None, assumed="width 1.6")
+    assumed = replace(WATCHED, assumed="width 1.6")
     told = gain_in_words(summary(duration=40.0, watched=assumed))[-1]
-    assert told == f"{watched}: noticed {by} (assumed) {each}; width 1.6)"
+    assert told == f"{watched}: noticed {by} (assumed); {each}; assumed: width 1.6"
 
 
 @pytest.mark.parametrize(

@@ -1,24 +1,17 @@
-"""The psychometric function, of answers yes or no and of two intervals, and d' of a track."""
+"""The psychometric function, of answers yes or no and of two intervals."""
 
 import dataclasses
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy import special, stats
+from scipy import special
 
-from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
-from evenlight.data_schema.recordings.ramp import Procedure
-from evenlight.experiments.ramp.ramp_observer import SimulatedObserver
-from evenlight.method.detectability import function_of, watched, window_ratios
-from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import (
     THRESHOLD_D_PRIME,
     PsychometricFunction,
-    d_prime,
     log_likelihood,
     rate_at,
     two_interval_function,
@@ -187,100 +180,3 @@ def test_lapses_show_half_as_often_and_do_not_change_what_is_seen() -> None:
 def test_who_never_says_yes_to_nothing_is_taken_for_one_in_a_hundred() -> None:
     never, seldom = (PsychometricFunction(3.0, 1.6, guess) for guess in (0.0, 0.01))
     assert two_interval_function(never) == two_interval_function(seldom)
-
-
-# --- detectability
-
-GUESS = float(stats.norm.cdf(-1.0))  # z = -1
-
-KNOWN = RateLimit(
-    "lab", "d", "", RateLimitForm.RATE, (2.0,), (10.0, 100.0), procedure=Procedure.YES_NO,
-    ramp_duration=5.0, width=1.6, guess_rate=GUESS, lapse_rate=0.0,
-)  # fmt: skip
-
-
-def test_a_steady_ramp_at_the_limit_has_the_d_prime_of_the_threshold() -> None:
-    # z(0.75) - z(false alarms) in yes/no; sqrt(2) z(0.75) of two intervals.
-    yes_no = PsychometricFunction(1.0, 1.6, GUESS)
-    assert float(d_prime(1.0, yes_no)) == pytest.approx(0.6744898 + 1.0, abs=1e-6)
-    assert float(d_prime(0.0, yes_no)) == pytest.approx(0.0, abs=1e-12)
-    two = PsychometricFunction(1.0, 1.6, 0.5)
-    assert float(d_prime(1.0, two, two_intervals=True)) == pytest.approx(0.954, abs=1e-3)
-    assert np.isfinite(d_prime(1e12, replace(two, width=0.01), two_intervals=True))
-
-
-def test_who_lapses_has_the_d_prime_of_who_looks() -> None:
-    expected = stats.norm.ppf(0.75) - stats.norm.ppf(0.1)
-    assert float(d_prime(1.0, PsychometricFunction(1.0, 1.6, 0.1, 0.05))) == pytest.approx(expected)
-
-
-def test_windows_are_ramps_by_where_they_get_to() -> None:
-    rising = np.full(100, 0.5)  # 0.1 s each: two windows of 5 s
-    np.testing.assert_allclose(window_ratios(rising, np.full(100, 0.1), 5.0), [0.5, 0.5])
-    there_and_back = np.tile([0.8, -0.8], 50)
-    np.testing.assert_allclose(window_ratios(there_and_back, np.full(100, 0.1), 5.0), 0.0, atol=1e-12)
-    # 7.4 s are one window, 7.6 s two of 3.8 s; a frame may last longer than a window.
-    assert len(window_ratios(np.ones(74), np.full(74, 0.1), 5.0)) == 1
-    assert len(window_ratios(np.ones(76), np.full(76, 0.1), 5.0)) == 2
-    np.testing.assert_allclose(window_ratios(np.array([0.3]), np.array([20.0]), 5.0), 0.3)
-
-
-def test_four_ramps_at_the_limit_are_twice_as_detectable_as_one() -> None:
-    one = watched(KNOWN, np.ones(50), np.full(50, 0.1))
-    four = watched(KNOWN, np.ones(200), np.full(200, 0.1))
-    assert one is not None
-    assert four is not None
-    assert (one.periods, four.periods) == (1, 4)
-    assert one.d_prime == pytest.approx(0.6744898 + 1.0, abs=1e-6)
-    assert four.d_prime == pytest.approx(2 * one.d_prime)
-    assert four.noticed == pytest.approx((0.75 - GUESS) / (1 - GUESS))  # beyond guesses
-    nothing = watched(KNOWN, np.zeros(200), np.full(200, 0.1))
-    assert nothing is not None
-    assert nothing.d_prime == pytest.approx(0.0, abs=1e-12)
-    assert (nothing.noticed, nothing.noticed_sensitive) == (0.0, 0.0)
-
-
-def test_an_ideal_watcher_of_simulated_evidence_does_as_d_prime_says() -> None:
-    # Each window leaves evidence of mean d' and standard deviation 1; "yes" is evidence above the criterion.
-    observer = SimulatedObserver(load_rate_limit("surace2025"), 1.0, {}, 1.6, GUESS, 0.0)
-    function = replace(observer.function_at(40.0), threshold=1.0)
-    assert function == function_of(KNOWN)
-    ratios = np.array([0.0, 0.3, 0.6, 0.9, 0.4])
-    found = watched(KNOWN, np.repeat(ratios, 50), np.full(250, 0.1))
-    assert found is not None
-    noticed = 5 * (GUESS + (1 - GUESS) * found.noticed)  # false alarms included
-    rng, n = np.random.default_rng(5), 40_000
-    mean = d_prime(ratios, function)
-    track, still = mean + rng.standard_normal((n, 5)), rng.standard_normal((n, 5))
-    reported = (track > 1.0).sum(axis=1)  # the criterion is -z(guess rate) = 1
-    assert reported.mean() == pytest.approx(noticed, abs=4 * reported.std() / n**0.5)
-    np.testing.assert_allclose((track > 1.0).mean(axis=0), yes_probability(ratios, function), atol=0.01)
-    right = (track @ mean > still @ mean).mean()  # which of two films changed?
-    assert right == pytest.approx(stats.norm.cdf(found.d_prime / 2**0.5), abs=0.01)
-
-
-def test_of_two_intervals_it_is_what_is_told_beyond_chance() -> None:
-    two = replace(KNOWN, procedure=Procedure.TWO_INTERVAL, guess_rate=0.5)
-    found = watched(two, np.ones(50), np.full(50, 0.1))
-    assert found is not None
-    assert found.d_prime == pytest.approx(0.954, abs=1e-3)
-    assert found.noticed == pytest.approx(0.5)  # 75 % right are 50 % seen and half of the others guessed
-
-
-def test_a_sensitive_person_notices_what_is_so_much_faster_for_them() -> None:
-    """By hand: e^(1.645 · 0.4) times as fast, 2 ln 19 / 1.6 logits for each unit of ln(rate)."""
-    known = replace(KNOWN, participant_sd=0.4)
-    found = watched(known, np.ones(50), np.full(50, 0.1))
-    assert found is not None
-    logit = np.log((0.75 - GUESS) / 0.25) + stats.norm.ppf(0.95) * 0.4 * 2 * np.log(19) / 1.6
-    assert found.noticed_sensitive == pytest.approx(1 / (1 + np.exp(-logit)))
-
-
-def test_what_the_published_limit_does_not_tell_is_assumed_and_said() -> None:
-    """The paper prints thresholds, but no slope and no false alarms."""
-    found = watched(load_rate_limit("surace2025"), np.ones(50), np.full(50, 0.1))
-    assert found is not None
-    assert found.noticed == pytest.approx(0.75)
-    assert found.d_prime is None
-    assert "width 1.6" in found.assumed
-    assert watched(replace(KNOWN, ramp_duration=None), np.ones(9), np.ones(9)) is None
