@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import enum
 import math
+from os import PathLike
 
+from evenlight.data_schema.notebook import html_table
 from evenlight.data_schema.power_model import PanelKind
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
 from evenlight.data_schema.quantities import MOMENT, described, quantity, record
@@ -115,6 +117,40 @@ class Display:
     def __repr__(self) -> str:
         light = f"{self.black_level:g} to {self.peak_luminance:g} cd/m^2, gamma {self.gamma:g}"
         return f"<Display {self.name!r}: {light}, {self.pixels_per_degree:.4g} pixels per degree>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the keys of its file, and their values."""
+        from evenlight.data_schema.mapping import mapping_from_record
+
+        told = mapping_from_record(self)
+        rows = [
+            [key, str(value)]
+            for key, value in told.items()
+            if value not in (None, "") and key != "provenance"
+        ]
+        return html_table(f"Display {self.name}", [["key", "value"], *rows])
+
+    def save(self, file: str | PathLike[str], *, force: bool = False) -> None:
+        """Write it as a toml file, which `load_display` and `--display` read.
+
+        Parameters
+        ----------
+        file : str or path
+            Ending in .toml.
+        force : bool, optional
+            Whether to replace the file if it exists.
+
+        Raises
+        ------
+        InputError
+            If the file exists or cannot be written.
+        """
+        from evenlight.data_schema.arguments import path
+        from evenlight.data_schema.storage.text_files import write_toml_record
+        from evenlight.data_schema.storage.whole_files import require_free
+
+        require_free(path("file", file), force=force)
+        write_toml_record(path("file", file), self)
 
     @property
     def nyquist_frequency(self) -> float:

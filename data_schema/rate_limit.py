@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 from evenlight.data_schema.arguments import numbers
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError
+from evenlight.data_schema.notebook import limit_html
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import Array, described, quantity, record, share
 from evenlight.data_schema.rate_limit_kinds import BandKind as BandKind
@@ -182,6 +183,10 @@ class RateLimit:
         low, high = self.luminance_range
         form = f"{self.form.value} of degree {len(self.coefficients) - 1}"
         return f"<RateLimit {self.name!r}: {form}, {low:g} to {high:g} cd/m^2, display {self.display_name!r}>"
+
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the limit at five luminances, with its band."""
+        return limit_html(self)
 
     def __call__(self, luminance: ArrayLike) -> Array:
         """Return ΔL [cd/m^2/s] at luminances L.
