@@ -316,10 +316,10 @@ def _watched(summary: OptimizationSummary) -> str:
     seen = summary.watched
     if seen is None:
         return ""
-    moved = "" if summary.noticed is None else f", of a limit for {100 * summary.noticed:g} % noticed"
+    moved = "" if summary.noticed is None else f"; its limit is for {100 * summary.noticed:g} % noticed"
     each = f"periods of {summary.duration / seen.periods:.2g} s, 5 % of people are as sensitive"
     assumed = f"; assumed: {seen.assumed}" if seen.assumed else ""
-    return f"who watches a plain screen{moved}: {noticed(summary)}; {each}{assumed}"
+    return f"watched on a plain screen it is {noticed(summary)}; {each}{moved}{assumed}"
 
 
 def rate_in_words(summary: OptimizationSummary) -> str:

@@ -1,5 +1,7 @@
 """What is kept of a dimmed walk, and gains that were tuned elsewhere."""
 
+import math
+
 import pytest
 
 from evenlight.data_schema.display import Display
@@ -30,6 +32,18 @@ def test_gains_are_those_that_are_asked_for_with_their_frame_rate() -> None:
     assert (settings.proportional, settings.integral, settings.derivative) == (0.7, 0.02, 0.05)
     assert (settings.gain_rate, settings.target_loss) == (45.0, 0.03)
     assert LiveOptions(target_loss=0.03, gain_rate=0.0).gains == {"gain_rate": None}
+
+
+def test_a_walk_keeps_to_the_share_of_detections_that_is_asked_for() -> None:
+    """By hand: ln(rate) moves by the width, 1.6, / (2 ln 19) for each unit of logit, from ln 3 to 0."""
+    usual, half = (
+        LiveDimming.asked_for(LiveOptions(0.03, noticed=share), BENCH, None, other_display_ok=True)
+        for share in (None, 0.5)
+    )
+    ratio = half.controller.rate_limit(40.0) / usual.controller.rate_limit(40.0)
+    assert ratio == pytest.approx(math.exp(-1.6 * math.log(3) / (2 * math.log(19))))
+    kept = live_control(half, ("house", BENCH, "cpu"), [], simulated=True)
+    assert (kept.noticed, kept.rate_limit, recorded([]).noticed) == (0.5, "surace2025", None)
 
 
 def test_means_are_over_the_time_in_which_a_picture_stood() -> None:
