@@ -129,11 +129,12 @@ def _tile(ours: ContrastMap, constant: ContrastMap, size: tuple[int, int]) -> ND
 
 def write_player_page(path: Path, content: PlayerContent) -> None:
     """Write a page that needs no other file and no network, opened by a double click."""
-    write_whole(path, player_html(content))
+    price = path.with_name("price.png")  # of one video; clips that share a budget have one for all
+    write_whole(path, player_html(content, price.read_bytes() if price.is_file() else b""))
 
 
-def player_html(content: PlayerContent) -> str:
-    """Return the page's HTML, which holds everything that it needs."""
+def player_html(content: PlayerContent, price: bytes = b"") -> str:
+    """Return the page's HTML, which holds everything that it needs; the price of invisibility as PNG, too."""
     from jinja2 import Environment, PackageLoader, StrictUndefined  # not needed where no page is written
 
     room = Environment(
@@ -151,6 +152,7 @@ def player_html(content: PlayerContent) -> str:
         pixels=data.track.header.actuator is Actuator.PIXELS,
         notes=content.notes,
         details=content.details,
+        price=_base64(price),
         constant=summary.baseline_factor,
         on_other_monitor=summary.baseline_factor ** (COMMON_GAMMA / display.gamma),
         common_gamma=COMMON_GAMMA,

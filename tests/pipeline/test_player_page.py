@@ -391,6 +391,16 @@ def test_equal_contents_give_equal_pages(content: PlayerContent) -> None:
     assert player_html(content) == player_html(content)
 
 
+def test_a_figure_of_the_price_of_invisibility_that_lies_beside_the_page_is_in_it(
+    content: PlayerContent, tmp_path: Path
+) -> None:
+    (tmp_path / "price.png").write_bytes(b"price")
+    write_player_page(tmp_path / "player.html", content)
+    shown = "data:image/png;base64,cHJpY2U="  # base64 of these five bytes
+    assert shown in (tmp_path / "player.html").read_text(encoding="utf-8")
+    assert "price of invisibility" not in player_html(content)
+
+
 def test_an_option_that_its_words_name_is_shown_without_backticks(content: PlayerContent) -> None:
     data = replace(content.data, summary=replace(content.data.summary, power_model="surace2025"))
     header = player_html(replace(content, data=data)).partition("<header>")[2].partition("</header>")[0]
