@@ -79,8 +79,9 @@ def _result_in_words(
     assert summary.control is not None  # `control_video` has seen to it
     control = summary.control
     varies_by = "" if ratio is None else f", {ratio:.2f} times as much"
-    full = summary.full_power
-    saved = f", {percent(summary.mean_power / full)} of full power" if full else ""
+    full, mean = summary.full_power, summary.mean_power
+    saved = f", {percent(mean / full)} of full power" if full and mean is not None else ""
+    power = "" if mean is None else f", {watts(mean)}{saved}"
     target = lost(control.target_loss)
     if control.budget is not None:
         target = f"from {target} to {lost(control.final_target_loss)}"
@@ -92,7 +93,7 @@ def _result_in_words(
         f"same mean factor{varies_by}"
     )
     yield (
-        f"mean factor {min(summary.mean_factor, 1.0):.4g}, {watts(summary.mean_power)}{saved}; "
+        f"mean factor {min(summary.mean_factor, 1.0):.4g}{power}; "
         f"{percent(control.share_limited)} of the time at the rate limit {summary.rate_limit!r} or a bound"
     )
     if control.budget_unit is not None:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evenlight.data_schema.arguments import choice, number, numbers, whole
+from evenlight.analysis.tracks.dimming_options import actuator_of
+from evenlight.data_schema.arguments import number, numbers, whole
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
@@ -35,7 +36,7 @@ def loss_curves(
     contrast_model: Named | ContrastModel = "default",
     fps: float | None = None,
     field_of_view: float | None = None,
-    actuator: Actuator | str = "backlight",
+    actuator: Actuator | str | None = None,
     min_factor: float = 0.2,
     jobs: int = 1,
 ) -> LossCurves:
@@ -65,7 +66,7 @@ def loss_curves(
         number("field_of_view", field_of_view, NARROWEST, WIDEST)
     degrees = field_of_view or field_of_view_of(source)
     frames, geometry = seen_video(source.frames(), panel, degrees, source.name)
-    analysis = VideoAnalysis(model, knots, choice("actuator", actuator, Actuator), made, effort)
+    analysis = VideoAnalysis(model, knots, actuator_of(panel, actuator), made, effort)
     return analysis.curves(frames, geometry, source.name)
 
 

@@ -25,7 +25,6 @@ from evenlight.data_schema.arguments import choice, numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
-from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.storage.whole_files import require_free
 from evenlight.data_schema.tracks.brightness_track import (
@@ -155,8 +154,8 @@ class Track(Result):
             return self.track.contrast_loss
         return loss_and_slope(self.curves, _checked_factors(factors, self.curves))[0]
 
-    def power(self) -> Array:
-        """Return the power of the display in each frame [W], (N,)."""
+    def power(self) -> Array | None:
+        """Return the power of the display in each frame [W], (N,); None without a power model."""
         return self.track.power
 
     def __iter__(self) -> Iterator[tuple[float, float]]:
@@ -387,7 +386,7 @@ def _of_curves(asked: TrackRequest, known: LossCurves) -> TrackRequest:
         raise InputError("contrast_model is not the one that the loss curves were made with; name that one")
     if asked.robust or asked.others:
         raise InputError("loss curves are of one video and one measure: leave out robust and others")
-    if asked.actuator not in (Actuator.BACKLIGHT, "backlight", known.actuator, known.actuator.value):
+    if asked.actuator not in (None, known.actuator, known.actuator.value):
         raise InputError(f"actuator: the loss curves were made for {known.actuator.value}; leave it out")
     return replace(asked, min_factor=lowest, actuator=known.actuator)
 

@@ -8,15 +8,15 @@ from numpy.typing import ArrayLike, NDArray
 from evenlight.data_schema.power_model import PanelKind, PowerModel
 
 
-def power_per_factor(model: PowerModel, channel_means: ArrayLike) -> NDArray[np.float64]:
+def power_per_factor(model: PowerModel | None, channel_means: ArrayLike) -> NDArray[np.float64]:
     """Return the power that brightness adds, per unit of the factor, for each of N frames [W].
 
     The power of frame i is P_i = base_power + power_per_factor[i] · b_i, for both kinds of panel.
 
     Parameters
     ----------
-    model : PowerModel
-        The panel.
+    model : PowerModel or None
+        The panel; None: not known, and so is its power (NaN).
     channel_means : array_like, (N, 3)
         Means of the linear R, G, B channels, in [0, 1]; an LCD's backlight does not depend on them.
 
@@ -25,6 +25,8 @@ def power_per_factor(model: PowerModel, channel_means: ArrayLike) -> NDArray[np.
     [1.0, 1.0]
     """
     means = np.asarray(channel_means, dtype=np.float64)
+    if model is None:
+        return np.full(len(means), np.nan)
     if model.kind is PanelKind.LCD:
         return np.full(len(means), model.power_per_luminance * model.peak_luminance)
     return np.asarray(means @ np.array([model.red_power, model.green_power, model.blue_power]))

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import difflib
 import os
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar
 
 from evenlight.data_schema.contrast_model import ContrastModel
-from evenlight.data_schema.display import Display
+from evenlight.data_schema.display import OF_DEVICE, Display
 from evenlight.data_schema.errors import ArgumentError, InputError, shown_kind
 from evenlight.data_schema.power_model import PowerModel
 from evenlight.data_schema.rate_limit import RateLimit
@@ -64,8 +65,42 @@ def display_for(
     if given is not None:
         return load_display(given)
     if curves is not None:
-        return read_curves_header(curves).display
-    return limit.display or load_display(DEFAULT_DISPLAY)
+        return whole_device(read_curves_header(curves).display)
+    return whole_device(limit.display or load_display(DEFAULT_DISPLAY))
+
+
+def whole_device(display: Display) -> Display:
+    """Return a display; one of an earlier version's file with what the preset of its name and light knows."""
+    if display.device or display.name not in preset_names("display"):
+        return display
+    preset = load_display(display.name)
+    if preset.fingerprint != display.fingerprint:
+        return display
+    return replace(display, **{name: getattr(preset, name) for name in OF_DEVICE})
+
+
+def power_model_for(
+    display: Display, given: str | PathLike[str] | PowerModel | None = None, needed_for: str = ""
+) -> PowerModel | None:
+    """Return the power model that is given, else that of a display; None if none is known.
+
+    Raises
+    ------
+    InputError
+        As `load_power_model`; or if none is known, and something needs one.
+
+    >>> power_model_for(load_display("varjo-xr3")).name, power_model_for(load_display("laptop-lcd"))
+    ('surace2025', None)
+    """
+    named = (display.power_model or None) if given is None else given
+    if named is None and needed_for:
+        raise InputError(f"{needed_for}: {no_power_model(display.name)}; give it as `power_model`")
+    return None if named is None else load_power_model(named)
+
+
+def no_power_model(display: str) -> str:
+    """Return that none is known of a display, and how to get one."""
+    return f"no power model for {display} (`evenlight run power-sweep` measures one)"
 
 
 def load_power_model(named: str | PathLike[str] | PowerModel) -> PowerModel:

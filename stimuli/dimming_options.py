@@ -92,7 +92,8 @@ NoCacheOption = Annotated[
 ]
 power_model_option = viewing(
     help="How much power the display takes at each brightness: a preset, or a toml file that `evenlight fit` "
-    "wrote for a power sweep."
+    "wrote for a power sweep.",
+    show_default="the display's, if it has one",
 )
 device_option = expert(
     help="What computes loss curves: the processor, the graphics processor (OpenGL 4.3), or that where it is "

@@ -155,7 +155,7 @@ def _figure(made: Sequence[CatalogueRow]) -> Figure:
         _draw_spreads(upper, rows, size)
         saved = {k: 100 * share for k, row in enumerate(rows) for share in _saved([row])}
         right.barh([*saved], [*saved.values()], 0.6 if named else 1.0, color=style.OURS)
-        right.set(xlabel="power saved [%]", xlim=(0, 100))
+        right.set(xlabel="power saved [%]" if saved else "power saved: not known", xlim=(0, 100))
         for axes in (upper, right):
             axes.set_ylim(-0.7, len(rows) - 0.3)
             axes.set_yticks(range(len(names)), names if axes is upper else [""] * len(names))
@@ -180,17 +180,24 @@ def _overview(made: Sequence[CatalogueRow], pictures: tuple[Picture, ...]) -> Se
     shown, worked = (sum(some) for some in ([r.duration or 0 for r in made], [r.seconds or 0 for r in made]))
     text = f"{_time(shown)} of video were optimized; that took the workers {_time(worked)}."
     least = sorted((row for row in made if row.gain is not None), key=lambda row: row.gain or 0.0)[:SHOWN]
+    columns = {  # those that any row has: power may not be known
+        title: column
+        for title, column in LEAST.items()
+        if any(_scaled(row, *column) is not None for row in least)
+    }
     table = Table(
         f"Videos that gained least over constant dimming{_of(len(least), len(made))}; {CATALOGUE} has all. "
         "Difference: mean difference of contrast loss between two frames. Gap: what a better track could "
         "gain at most.",
-        ("video", *LEAST),
-        tuple(
-            (row.name, *(scale * getattr(row, name) for name, scale in LEAST.values()))  # none is missing
-            for row in least
-        ),
+        ("video", *columns),
+        tuple((row.name, *(_scaled(row, *column) for column in columns.values())) for row in least),
     )
     return Section("What was gained", (text, CLAIM), (table,) if least else (), pictures)
+
+
+def _scaled(row: CatalogueRow, name: str, scale: float) -> float | None:
+    value = getattr(row, name)
+    return None if value is None else scale * value
 
 
 def _time(seconds: float) -> str:

@@ -160,7 +160,8 @@ def _keys_of(asked: TrackRequest, posed: tuple[Display, Request], video_sha256: 
     curves = _sha256(made_of)
     options = {field.name for field in dataclasses.fields(asked)} - set(NOT_OF_RESULT)
     made_of["options"] = {name: _plain(getattr(asked, name)) for name in options}
-    made_of["power_model"] = sha256_of_record(request.power_model)
+    model = request.power_model
+    made_of["power_model"] = None if model is None else sha256_of_record(model)
     made_of["rate_limit"] = sha256_of_record(request.rate_limit)
     made_of["sections"] = [mapping_from_record(one) for one in (*request.weights, *request.allowances)]
     return _sha256(made_of), curves

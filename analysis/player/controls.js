@@ -7,7 +7,7 @@ const arrayOf = (text, kind) => new kind(Uint8Array.from(atob(text), letter => l
 
 const data = JSON.parse($("data").textContent);
 $("data").remove(); // it may be large
-for (const name of ["factors", "loss", "constantLoss", "rate", "power", "constantPower"]) data[name] = arrayOf(data[name], Float32Array);
+for (const name of ["factors", "loss", "constantLoss", "rate", "power", "constantPower"]) data[name] &&= arrayOf(data[name], Float32Array);
 data.times = arrayOf(data.times, Float64Array);
 for (const part of [data.picture, data.contrast]) {
   for (const name of ["frames", "times"]) if (part?.[name]) part[name] = arrayOf(part[name], Float64Array);

@@ -50,7 +50,9 @@ class PlayerContent:
 
     data: DrawnTrack
     display: Display  # that the track was made for
-    constant_power: Array  # under constant dimming while each frame is shown [W], (N,)
+    constant_power: (
+        Array | None
+    )  # under constant dimming while each frame is shown [W], (N,); None: not known
     picture: Proxy | Tiles  # the video; of a very long one, still pictures
     # where contrast is lost, as PNG: red is the share of the visible contrast at a place that is lost with
     # the track, green with constant dimming
@@ -67,7 +69,8 @@ def player_content(
 ) -> PlayerContent:
     """Return what the page of a track shows, from the curves, frames and picture of its video."""
     factors = np.full(curves.n_frames, data.summary.baseline_factor)
-    constant = power(job.request.power_model, factors, curves.channel_means)
+    model = job.request.power_model
+    constant = None if model is None else power(model, factors, curves.channel_means)
     picture = recorder.picture(curves)
     with shown_progress(job.quiet) as progress:
         progress.step(f"maps of lost contrast of {curves.video}")
@@ -178,8 +181,8 @@ def _script_data(content: PlayerContent) -> Markup:
         "loss": _floats(100 * track.contrast_loss),
         "constantLoss": _floats(100 * data.baseline_loss),
         "rate": _floats(100 * rate),
-        "power": _floats(track.power),
-        "constantPower": _floats(content.constant_power),
+        "power": None if track.power is None else _floats(track.power),
+        "constantPower": None if content.constant_power is None else _floats(content.constant_power),
         "gamma": display.gamma,
         "lightRange": display.peak_luminance - display.black_level,
         "picture": _pictures(picture, "video/mp4" if isinstance(picture, Proxy) else "image/jpeg"),

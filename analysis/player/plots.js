@@ -7,13 +7,13 @@ const MOST_STEPS = 20000; // beyond, steps take long to draw and look like lines
 /** Return the panels: heading, axis range, decimals, and their lines (name, values, whether dashed). */
 function panelsOf(data) {
   const constant = new Float32Array(data.times.length).fill(data.constantFactor);
-  const watt = Math.max(...extremes(data.power, data.constantPower)) < 10 ? 3 : 1;
+  const watt = data.power && Math.max(...extremes(data.power, data.constantPower)) < 10 ? 3 : 1;
   const pair = (ours, other) => [["ours", ours], ["constant", other]];
   return [
     { name: "Brightness factor b", unit: "", digits: 3, lines: pair(data.factors, constant) },
     { name: "Contrast loss [%]", unit: " %", digits: 2, lines: pair(data.loss, data.constantLoss), low: 0 },
     { name: "Rate of change / limit ΔL [%]", unit: " %", digits: 1, lines: [["ours", data.rate]], limit: 100 },
-    { name: "Power [W]", unit: " W", digits: watt, lines: pair(data.power, data.constantPower) },
+    ...(data.power ? [{ name: "Power [W]", unit: " W", digits: watt, lines: pair(data.power, data.constantPower) }] : []),
   ];
 }
 

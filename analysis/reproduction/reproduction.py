@@ -223,7 +223,10 @@ class SequenceTracks:
     @property
     def saved(self) -> float:
         """Power saved, of full brightness, by the power model [%]."""
-        return 100 * (1 - self.summary.mean_power / self.summary.full_power)
+        mean, full = self.summary.mean_power, self.summary.full_power
+        assert mean is not None  # the paper's power model is given
+        assert full is not None
+        return 100 * (1 - mean / full)
 
     @property
     def thumbnails(self) -> tuple[tuple[int, Image], ...]:

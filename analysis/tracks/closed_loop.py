@@ -32,7 +32,7 @@ from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.choices import DEFAULT_CALM
 from evenlight.method.optimizer.request import Request
-from evenlight.method.preset_files import load_power_model, load_rate_limit, usable_limit
+from evenlight.method.preset_files import load_rate_limit, power_model_for, usable_limit, whole_device
 from evenlight.stimuli.video.video_source import VideoSource
 from evenlight.stimuli.video.viewing_geometry import geometry_words
 
@@ -80,10 +80,9 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     # The optimizer reads the file that the fit wrote, as it would on another day.
     # However few the participants: it is a demonstration, and its report says how well the limit is known.
     limit = usable_limit(load_rate_limit(fitted / "rate_limit.json"), data.display, accept_wide_band=True)
-    request = Request(budget, BudgetUnit.FACTOR, load_power_model("surace2025"), limit)
-    job = OptimizationJob(
-        source, data.display, request, calm=DEFAULT_CALM, player=True, price=True, quiet=quiet
-    )
+    display = whole_device(data.display)
+    request = Request(budget, BudgetUnit.FACTOR, power_model_for(display), limit)
+    job = OptimizationJob(source, display, request, calm=DEFAULT_CALM, player=True, price=True, quiet=quiet)
     summary = run_optimization(job, folder / TRACK)
     write_report(folder / REPORT, _report(calibration, found, summary, origin, folder))
 
@@ -152,16 +151,19 @@ def _summary_table(summary: OptimizationSummary) -> Table:
         (s.mean_contrast_loss, s.mean_contrast_loss_baseline),
         (s.objective, s.objective_baseline),
     )
+    power = f"the power model {s.power_model}" if s.power_model else "no power model"
+    watts = (
+        ("mean power", s.mean_power, s.baseline_power, "W"),
+        ("power at full brightness", s.full_power, s.full_power, "W"),
+    )
     return Table(
-        f"{s.video} on {s.display}, seen {seen}, with the power model {s.power_model} and the rate limit "
-        f"{s.rate_limit}{asked}.",
+        f"{s.video} on {s.display}, seen {seen}, with {power} and the rate limit {s.rate_limit}{asked}.",
         ("quantity", "track", "constant dimming", "unit"),
         (
             ("budget asked", s.budget, s.budget, BUDGETS[s.budget_unit]),
             ("budget used", s.achieved, s.budget, BUDGETS[s.budget_unit]),
             ("mean brightness factor", s.mean_factor, s.baseline_factor, "1"),
-            ("mean power", s.mean_power, s.baseline_power, "W"),
-            ("power at full brightness", s.full_power, s.full_power, "W"),
+            *(watts if s.power_model else ()),
             ("visible contrast lost", *map(_percent, loss), "%"),
             ("difference of loss between two frames", *map(_percent, difference), "points"),
             ("best possible difference", 100 * s.lower_bound, None, "points"),

@@ -87,7 +87,7 @@ class _ControlledVideo:
 
     def _require_power(self, unit: BudgetUnit) -> None:
         if unit is not BudgetUnit.FACTOR and not self._watts(np.array(1.0)).any():
-            model = self.asked.work.request.power_model
+            model = self.asked.work.request.panel
             raise InputError(
                 f"the video is black throughout, for which the panel {model.name!r} takes no power: there is "
                 "nothing to hold a budget with"
@@ -103,7 +103,7 @@ class _ControlledVideo:
         self.settings = replace(settings, target_loss=target)
 
     def _watts(self, factors: Array) -> Array:
-        return power(self.asked.work.request.power_model, factors, self.curves.channel_means)
+        return power(self.asked.work.request.panel, factors, self.curves.channel_means)
 
     def run(self, ahead: LookaheadSettings | None) -> ControlledTrack:
         """Return what a controller makes of the video."""

@@ -40,6 +40,13 @@ if TYPE_CHECKING:
     from evenlight.stimuli.video.video_source import VideoSource
 
 
+def actuator_of(display: Display, given: Member[Actuator] | None) -> Actuator:
+    """Return what is asked to dim a display; else what does, as far as that is known."""
+    if given is None:
+        return display.actuator or Actuator.BACKLIGHT
+    return choice("actuator", given, Actuator)
+
+
 def path_of(file: File | None) -> Path | None:
     """Return the path of a file that is given by its name."""
     return None if file is None else Path(file)
@@ -49,7 +56,7 @@ def path_of(file: File | None) -> Path | None:
 class Dimmed(WithinLimit, OnDisplay):
     """On what display, within which limit, frames are dimmed: those of a video, or as they come."""
 
-    power_model: Annotated[NamedPowerModel, power_model_option] = "surace2025"
+    power_model: Annotated[NamedPowerModel | None, power_model_option] = None
     contrast_model: Annotated[
         NamedContrastModel,
         viewing(
@@ -88,13 +95,14 @@ class Dimmed(WithinLimit, OnDisplay):
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, which has to be one that may be used on the display."""
         from evenlight.method.optimizer.request import Request
-        from evenlight.method.preset_files import load_power_model, load_rate_limit, usable_limit
+        from evenlight.method.preset_files import load_rate_limit, power_model_for, usable_limit
 
-        limit = load_rate_limit(self.rate_limit)
+        limit, unit = load_rate_limit(self.rate_limit), choice("budget_unit", unit, BudgetUnit)
+        needed_for = "" if unit is BudgetUnit.FACTOR else f"a budget in {unit.value}"
         return Request(
             number("budget", budget),
-            choice("budget_unit", unit, BudgetUnit),
-            load_power_model(self.power_model),
+            unit,
+            power_model_for(display, self.power_model, needed_for),
             usable_limit(limit, display, self.other_display_ok, self.accept_wide_band, self.noticed),
             choice("limit_curve", self.limit_curve, LimitCurve),
             noticed=self.noticed,
@@ -129,12 +137,13 @@ class DimmedOn(Dimmed):
         ),
     ] = ModulatedLuminance.FRAME_MEAN
     actuator: Annotated[
-        Member[Actuator],
+        Member[Actuator] | None,
         viewing(
             help="What dims the display: its backlight, or its pixels (as on OLED), which show nothing below "
-            "the black level."
+            "the black level.",
+            show_default="the display's; else backlight",
         ),
-    ] = Actuator.BACKLIGHT
+    ] = None
     battery_wh: Annotated[
         float | None,
         output(
@@ -163,6 +172,10 @@ class DimmedOn(Dimmed):
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, for frames or white screens, and for a battery."""
+        from evenlight.method.preset_files import power_model_for
+
+        if self.battery_wh is not None:
+            power_model_for(display, self.power_model, "`battery_wh`")
         modulated = choice("modulated", self.modulated, ModulatedLuminance)
         return replace(super().within(budget, unit, display), modulated=modulated, battery=self.battery_wh)
 
@@ -177,7 +190,7 @@ class DimmedOn(Dimmed):
             *self.model(),
             min_factor=self.min_factor,
             field_of_view=self.field_of_view,
-            actuator=choice("actuator", self.actuator, Actuator),
+            actuator=actuator_of(display, self.actuator),
             cached=not self.no_cache,
             player=not self.no_player,
         )

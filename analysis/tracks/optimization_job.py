@@ -221,7 +221,7 @@ def track_header(job: OptimizationJob, curves: LossCurves, clips: Sequence[LossC
         video=curves.video,
         display_name=display.name,
         display_fingerprint=display.fingerprint,
-        power_model=request.power_model.name,
+        power_model=None if request.power_model is None else request.power_model.name,
         rate_limit=request.rate_limit.name,
         budget=request.budget,
         budget_unit=request.budget_unit,
@@ -249,7 +249,8 @@ def _provenance(job: OptimizationJob, clips: Sequence[LossCurves] = ()) -> Prove
     inputs |= {f"measure_{name}": sha256_of_record(measure_named(name)) for name in job.robust[1:]}
     if not clips:
         return provenance_now(inputs=inputs)
-    inputs["power_model"] = sha256_of_record(job.request.power_model)
+    if job.request.power_model is not None:
+        inputs["power_model"] = sha256_of_record(job.request.power_model)
     inputs["rate_limit"] = sha256_of_record(job.request.rate_limit)
     files = {"weights": job.weights, "allowances": job.allowances}
     inputs |= {name: sha256_of_bytes(path.read_bytes()) for name, path in files.items() if path is not None}

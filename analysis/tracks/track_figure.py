@@ -124,7 +124,8 @@ def _picture_size(thumbnails: Thumbnails, width: float, highest: float, em: floa
 def _footer(data: DrawnTrack, width: float, em: float) -> tuple[list[style.Line], float]:
     track, header = data.track, data.track.header
     frames = "1 frame" if len(track.times) == 1 else f"{len(track.times)} frames"
-    power = f"mean power {watts(data.summary.mean_power)} (model {header.power_model})"
+    mean = data.summary.mean_power
+    power = "no power model" if mean is None else f"mean power {watts(mean)} (model {header.power_model})"
     words = (
         f"{frames}  ·  solver {header.solver}  ·  {power}  ·  "
         f"rate limit {header.rate_limit}{_allowances(data)}"

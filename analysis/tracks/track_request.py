@@ -240,8 +240,9 @@ class TrackRequest(Analysed, WantedOfAll):
         from evenlight.data_schema.tracks.brightness_track import read_sections
         from evenlight.method.optimizer.objective import objective_named
         from evenlight.method.optimizer.request import require_possible
+        from evenlight.method.preset_files import whole_device
 
-        display = self.shown_on(self.curves) if known is None else known.display
+        display = self.shown_on(self.curves) if known is None else whole_device(known.display)
         weights, allowances = self.weights, self.allowances
         request = replace(
             self.within(self.budget, self.budget_unit, display),

@@ -14,6 +14,7 @@ from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.online.gain import NO_GAIN
+from evenlight.method.preset_files import no_power_model
 
 OFF_BUDGET = 0.005  # relative: from here on a budget that is not met is told of
 PUBLISHED = "surace2025"  # the preset of a power model, measured on a panel of its own
@@ -109,13 +110,11 @@ def gain_sentences(summary: OptimizationSummary) -> tuple[str, ...]:
 
 def key_figures(summary: OptimizationSummary) -> tuple[KeyFigure, ...]:
     """Return what a track is, at a glance, beside constant dimming."""
-    ours, constant = watts(summary.mean_power), watts(summary.baseline_power)
-    beside = "as with constant dimming" if ours == constant else f"constant dimming {constant}"
     loss, loss_constant = alike(summary.mean_contrast_loss, summary.mean_contrast_loss_baseline)
     spread, spread_constant, best = _differences(summary)
     ratio = summary.max_rate_ratio
     return (
-        KeyFigure(ours, "mean power", f"{beside}; full brightness {watts(summary.full_power)}"),
+        _power_figure(summary),
         KeyFigure(f"{loss} %", "of visible contrast lost", f"constant dimming {loss_constant} %"),
         KeyFigure(
             f"{spread} points",
@@ -133,11 +132,28 @@ def key_figures(summary: OptimizationSummary) -> tuple[KeyFigure, ...]:
 
 def uses_same_power(summary: OptimizationSummary) -> bool:
     """Return whether a track and its constant baseline use the same power."""
-    return abs(summary.mean_power - summary.baseline_power) <= SAME_POWER * summary.baseline_power
+    ours, constant = summary.mean_power, summary.baseline_power
+    return ours is not None and constant is not None and abs(ours - constant) <= SAME_POWER * constant
+
+
+def _power_figure(summary: OptimizationSummary) -> KeyFigure:
+    ours, constant, full = summary.mean_power, summary.baseline_power, summary.full_power
+    if ours is None or constant is None or full is None:
+        unknown = f"savings unknown: no power model for {summary.display}"
+        return KeyFigure(percent(summary.mean_factor, 0), "mean brightness", unknown)
+    alone = watts(ours) == watts(constant)
+    beside = "as with constant dimming" if alone else f"constant dimming {watts(constant)}"
+    return KeyFigure(watts(ours), "mean power", f"{beside}; full brightness {watts(full)}")
 
 
 def _saving(summary: OptimizationSummary) -> str:
-    saved, full = summary.full_power - summary.mean_power, summary.full_power
+    ours, full = summary.mean_power, summary.full_power
+    if ours is None or full is None:
+        bright = percent(summary.mean_factor, 0)
+        return (
+            f"{summary.video}: mean brightness {bright}; savings unknown: {no_power_model(summary.display)}"
+        )
+    saved = full - ours
     panel = summary.power_model
     where = "" if panel == summary.display else f" on the display of the power model {panel}"
     if panel == PUBLISHED != summary.display:

@@ -229,6 +229,10 @@ def _compare_figures(checked: CheckedFile, track: BrightnessTrack) -> None:
         ("mean_contrast_loss", summary.mean_contrast_loss, track.contrast_loss),
         ("mean_power_w", summary.mean_power, track.power),
     ):
+        if mean is None or column is None:
+            if (mean is None) != (column is None):
+                checked.blame(f"{key}: expected what the track's column has, a power or none, got {mean}")
+            continue
         low, high = float(column.min()), float(column.max())
         if not low - TOLERANCE * abs(low) <= mean <= high + TOLERANCE * abs(high):
             checked.blame(f"{key}: expected {low:g} to {high:g}, as the track's column reaches, got {mean:g}")

@@ -77,7 +77,7 @@ class TrackHeader:
     video: str = described("name of the video")
     display_name: str = described("display that it was made for")
     display_fingerprint: str = described("identity of that display's photometry")
-    power_model: str = described("name of the power model")
+    power_model: str | None = described("name of the power model; null: none is known of the display")
     rate_limit: str = described("name of the rate limit")
     budget: float = quantity("1", "the budget, in its unit", above=0.0)
     budget_unit: BudgetUnit = described("what the budget counts")
@@ -153,11 +153,17 @@ class BrightnessTrack:
     rate_limit: Array = quantity(
         "cd/m^2/s", "what that change may be at most, in either direction (ΔL)", minimum=0.0, shape=("N",)
     )
-    power: Array = quantity("W", "power of the display while the frame is shown", minimum=0.0, shape=("N",))
+    power: Array | None = quantity(
+        "W",
+        "power of the display while the frame is shown; empty without a power model",
+        minimum=0.0,
+        shape=("N",),
+    )
     header: TrackHeader = described("what the track was made for, and how")
 
     def __post_init__(self) -> None:
-        if len({len(getattr(self, name)) for name in _ARRAYS}) != 1 or len(self.times) == 0:
+        columns = (column for name in _ARRAYS if (column := getattr(self, name)) is not None)
+        if len({len(column) for column in columns}) != 1 or len(self.times) == 0:
             raise ValueError("the columns of a track must be equally long and hold at least one frame")
         if not rises(self.times):
             raise ValueError("time_s must rise from frame to frame")
@@ -171,7 +177,7 @@ TRACK_COLUMNS = ("frame", *(file_key(f) for f in dataclasses.fields(BrightnessTr
 
 
 def track_columns(track: BrightnessTrack) -> dict[str, Any]:
-    """Return the columns of `track.csv` by name: the number of each frame, and arrays (N,)."""
+    """Return the columns of `track.csv` by name: the number of each frame, and arrays (N,), or None."""
     arrays = [getattr(track, name) for name in _ARRAYS]
     return dict(zip(TRACK_COLUMNS, [range(len(track.times)), *arrays], strict=True))
 
@@ -186,7 +192,9 @@ def write_track(path: Path, track: BrightnessTrack, beside: Sequence[str] = ()) 
     beside : sequence of str
         Files of the same folder that belong to it, and are there: the header has their SHA-256, too.
     """
-    columns = [column.tolist() for column in list(track_columns(track).values())[1:]]
+    empty = [None] * len(track.times)
+    arrays = list(track_columns(track).values())[1:]
+    columns = [empty if column is None else column.tolist() for column in arrays]
     rows = ([i, *cells] for i, cells in enumerate(zip(*columns, strict=True)))
     table = csv_text(TRACK_COLUMNS, rows)
     write_whole(path, table)
@@ -210,20 +218,24 @@ def read_track(path: Path) -> BrightnessTrack:
                 raise InputError(f"{file}: no such file; there is no brightness track without it")
     header = read_json_record(TrackHeader, path.with_suffix(".json"))
     rows = csv_rows(path, TRACK_COLUMNS, "a brightness track (csv)")
+    names = TRACK_COLUMNS  # the last is power, which is empty where it is not known
     table, lines = [], []
     for frame, (line, cells) in enumerate(rows):
         where = f"{path}, line {line}"
         if cells[0] != str(frame):
             raise InputError(f"{where}: frame: expected {frame}, the frames from 0 on, got {cells[0]!r}")
+        if frame == 0 and not cells[-1]:
+            names = TRACK_COLUMNS[:-1]
+        if bool(cells[-1]) != (names is TRACK_COLUMNS):
+            raise InputError(f"{where}: {TRACK_COLUMNS[-1]}: expected a number in every row, or in none")
         lines.append(line)
-        table.append(
-            [number_in(cell, f"{where}: {name}") for name, cell in zip(TRACK_COLUMNS, cells, strict=True)]
-        )
+        table.append([number_in(cell, f"{where}: {name}") for name, cell in zip(names, cells, strict=False)])
     if not table:
         raise InputError(f"{path}: expected a row for each frame, got none; the table is empty or torn")
     columns = read_only(table).T[1:]  # the number of the frame is its place
     try:
-        track = BrightnessTrack(**dict(zip(_ARRAYS, columns, strict=True)), header=header)
+        given = dict(zip(_ARRAYS, columns, strict=False))
+        track = BrightnessTrack(**{"power": None, **given}, header=header)
     except ValueError as error:
         raise InputError(f"{path}: {told_of_file(error)}") from error
     for name, low, high in possible_columns(track):
@@ -270,7 +282,7 @@ def possible_columns(track: BrightnessTrack) -> Iterator[tuple[str, Array, Array
         low, high = (factors * light + display.reflected_luminance for light in ends)
         yield "mean_luminance", low, high
     yield "rate", np.where(steps < 0, -fastest, 0.0), np.where(steps > 0, fastest, 0.0)
-    if panel is not None:
+    if panel is not None and track.power is not None:
         most = panel.base_power + factors * panel.light_power[0]
         yield "power", most if panel.kind is PanelKind.LCD else np.full_like(most, panel.base_power), most
 

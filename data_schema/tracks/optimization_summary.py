@@ -101,7 +101,7 @@ class OptimizationSummary:
     video: str = as_in(TrackHeader, "video")
     display: str = described("name of the display")
     rate_limit: str = as_in(TrackHeader, "rate_limit")
-    power_model: str = as_in(TrackHeader, "power_model")
+    power_model: str | None = as_in(TrackHeader, "power_model")
     frames: int = count("number of frames", minimum=1)
     duration: float = quantity("s", "duration of the video", above=0.0)
     budget: float = quantity(
@@ -126,9 +126,11 @@ class OptimizationSummary:
     mean_contrast_loss_baseline: float = quantity("1", "the same, for constant dimming", minimum=0.0)
     mean_factor: float = quantity("1", "mean brightness factor of the track", above=0.0)
     baseline_factor: float = quantity("1", "factor of constant dimming at equal power", above=0.0)
-    mean_power: float = quantity("W", "mean power of the track", minimum=0.0)
-    baseline_power: float = quantity("W", "mean power of constant dimming", minimum=0.0)
-    full_power: float = quantity("W", "mean power at full brightness", minimum=0.0)
+    mean_power: float | None = quantity(
+        "W", "mean power of the track; null without a power model", minimum=0.0
+    )
+    baseline_power: float | None = quantity("W", "mean power of constant dimming", minimum=0.0)
+    full_power: float | None = quantity("W", "mean power at full brightness", minimum=0.0)
     limit_curve: str = described(
         "curve of the rate limit that was obeyed: fitted or safe (the lower edge of its band)"
     )

@@ -215,7 +215,7 @@ class LiveBudget:
     """What a walk may use: a budget over a horizon, of the power that a model says."""
 
     settings: GovernorSettings
-    model: PowerModel
+    model: PowerModel | None  # None: not known, for a budget in factors
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,8 +270,8 @@ class LiveGovernor:
 
     def power_at(self, factor: float, slope: float) -> float | None:
         """Return the power of a picture [W]; None for a budget in factors, which is about none."""
-        counts = self._budget.settings.budget_unit is not BudgetUnit.FACTOR
-        return self._budget.model.base_power + slope * factor if counts else None
+        model, unit = self._budget.model, self._budget.settings.budget_unit
+        return None if model is None or unit is BudgetUnit.FACTOR else model.base_power + slope * factor
 
     def first_factor(self, slope: float) -> float:
         """Return the factor at which the first picture meets the budget, within the bounds."""

@@ -34,15 +34,14 @@ from evenlight.method.online.governor import (
     steered_horizon,
 )
 from evenlight.method.optimizer.request import Request, require_possible
-from evenlight.method.preset_files import load_power_model, load_rate_limit, usable_limit
+from evenlight.method.preset_files import load_rate_limit, power_model_for, usable_limit
 from evenlight.method.rate_limit import largest_rate_ratio, scalar_rate_limit
 
 LOG, RECORD = "live_control.csv", "live_control.json"
-POWER_MODEL = "surace2025"
 
 
-def asked_budget(live: LiveOptions) -> LiveBudget | None:
-    """Return the budget that a walk is to meet, if there is one.
+def asked_budget(live: LiveOptions, display: Display) -> LiveBudget | None:
+    """Return the budget that a walk on a display is to meet, if there is one.
 
     Raises
     ------
@@ -59,7 +58,8 @@ def asked_budget(live: LiveOptions) -> LiveBudget | None:
         raise InputError(f"--horizon must lie in {HORIZONS[0]:g} to {HORIZONS[1]:g}, got {horizon:g}")
     if unit is BudgetUnit.FACTOR and live.power_model is not None:
         raise InputError("--power-model is for a budget in power or watt: give --budget-unit with it")
-    model = load_power_model(live.power_model or POWER_MODEL)
+    needed_for = "" if unit is BudgetUnit.FACTOR else f"a budget in {unit.value}"
+    model = power_model_for(display, live.power_model, needed_for)
     return LiveBudget(GovernorSettings(budget, unit, horizon), model)
 
 
@@ -162,7 +162,7 @@ def _met(budget: LiveBudget, rows: list[LiveRefresh]) -> dict[str, Any]:
         "share_budget_held": over_time(rows, held),
     }
     in_factors = asked.budget_unit is BudgetUnit.FACTOR
-    said["power_model"] = None if in_factors else budget.model.name
+    said["power_model"] = None if in_factors or budget.model is None else budget.model.name
     durations = np.diff([row.flip_time for row in rows])
     if not durations.sum() > 0:
         return said

@@ -195,7 +195,7 @@ class LiveOptions(WithinLimit, AimOptions):
     PANEL = LIVE_PANEL  # of what it aims at, too
     power_model: Annotated[
         str | None,
-        _live(help="Power model of a budget in power or watt.", show_default="surace2025"),
+        _live(help="Power model of a budget in power or watt.", show_default="the display's"),
     ] = None
     device: Annotated[Member[Device], device_option] = Device.AUTO
 

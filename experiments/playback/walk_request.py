@@ -96,7 +96,6 @@ def walk_as_asked(walk: WalkOptions, live: LiveOptions) -> str:
     InputError
         If an option cannot be.
     """
-    budget = asked_budget(live)
     require_walk(walk, live)
     rig, display = rig_of(
         walk.rig,
@@ -104,7 +103,7 @@ def walk_as_asked(walk: WalkOptions, live: LiveOptions) -> str:
         lambda: display_for(load_rate_limit(live.rate_limit)),
         size_in(walk.size) or SIZE,
     )
-    dimming = None
+    dimming, budget = None, asked_budget(live, display)
     if live.dims:
         other_ok = walk.other_display_ok
         dimming = LiveDimming.asked_for(live, display, budget, other_display_ok=other_ok)

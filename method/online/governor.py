@@ -263,12 +263,12 @@ class ContentCosts:
     ----------
     settings : GovernorSettings
         The budget.
-    model : PowerModel
-        Of the panel.
+    model : PowerModel or None
+        Of the panel; None, not known, for a budget in factors.
     """
 
-    def __init__(self, settings: GovernorSettings, model: PowerModel) -> None:
-        self._settings, self._base = settings, model.base_power
+    def __init__(self, settings: GovernorSettings, model: PowerModel | None) -> None:
+        self._settings, self._base = settings, 0.0 if model is None else model.base_power
         self._least_scale = LEAST_SCALE * float(power_per_factor(model, np.ones((1, 3)))[0])
         self._over_horizon, self._of_late = MeanSoFar(), MeanSoFar()
 
@@ -301,7 +301,7 @@ class ContentCosts:
 
 
 def first_factor(
-    settings: GovernorSettings, model: PowerModel, slope: float, bounds: tuple[float, float]
+    settings: GovernorSettings, model: PowerModel | None, slope: float, bounds: tuple[float, float]
 ) -> float:
     """Return the factor at which the first frame meets the budget, as near as the bounds allow.
 
@@ -309,8 +309,8 @@ def first_factor(
     ----------
     settings : GovernorSettings
         The budget.
-    model : PowerModel
-        Of the panel.
+    model : PowerModel or None
+        Of the panel; None, not known, for a budget in factors.
     slope : float
         `power_per_factor` of the frame [W].
     bounds : (float, float)
@@ -344,7 +344,7 @@ class MeanSoFar:
         return self.mean
 
 
-def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerModel) -> list[FrameCost]:
+def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerModel | None) -> list[FrameCost]:
     """Return what the N frames of a video use and may use.
 
     Parameters
@@ -353,8 +353,8 @@ def frame_costs(curves: LossCurves, settings: GovernorSettings, model: PowerMode
         Of the video.
     settings : GovernorSettings
         The budget.
-    model : PowerModel
-        Of the panel.
+    model : PowerModel or None
+        Of the panel; None, not known, for a budget in factors.
     """
     costs, slopes = ContentCosts(settings, model), power_per_factor(model, curves.channel_means)
     frames = zip(slopes.tolist(), curves.durations.tolist(), strict=True)

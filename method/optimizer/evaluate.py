@@ -76,7 +76,9 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
         mean_luminance=factors * curves.mean_luminance + reflected,
         rate=np.where(unseen, 0.0, rate),
         rate_limit=np.where(unseen, own, limit),
-        power=power(request.power_model, factors, curves.channel_means),
+        power=None
+        if request.power_model is None
+        else power(request.power_model, factors, curves.channel_means),
         header=replace(header, watched=watched_track(problem, request, factors)),
     )
 
@@ -110,14 +112,16 @@ def summarize(
     if minimized.name is not ObjectiveName.SPREAD:
         outcome = MinimizedOutcome(minimized.name.value, value, problem.objective(baseline), bound)
     baseline_loss = problem.loss(baseline)
-    baseline_power = power(request.power_model, baseline, curves.channel_means)
-    full_power = float(share @ power(request.power_model, np.ones_like(baseline), curves.channel_means))
-    mean_power, mean_factor = float(share @ track.power), float(share @ track.factors)
-    achieved = {
-        BudgetUnit.FACTOR: mean_factor,
-        BudgetUnit.POWER: mean_power / full_power if full_power > 0 else 1.0,  # as with any base power
-        BudgetUnit.WATT: mean_power,
-    }
+    mean_factor, mean_power = float(share @ track.factors), None
+    baseline_power = full_power = None
+    achieved = {BudgetUnit.FACTOR: mean_factor}
+    if request.power_model is not None:
+        mean_power, baseline_power, full_power = (
+            float(share @ power(request.power_model, factors, curves.channel_means))
+            for factors in (track.factors, baseline, np.ones_like(baseline))
+        )
+        achieved[BudgetUnit.POWER] = mean_power / full_power if full_power > 0 else 1.0  # with any base power
+        achieved[BudgetUnit.WATT] = mean_power
     origin: Provenance = header.provenance
     return OptimizationSummary(
         video=header.video,
@@ -138,7 +142,7 @@ def summarize(
         mean_factor=mean_factor,
         baseline_factor=problem.baseline_factor,
         mean_power=mean_power,
-        baseline_power=float(share @ baseline_power),
+        baseline_power=baseline_power,
         full_power=full_power,
         limit_curve=request.limit_curve.value,
         modulated=request.modulated.value,
@@ -177,8 +181,8 @@ def summarize(
         worst_contrast_loss=float(track.contrast_loss.max()),
         worst_contrast_loss_baseline=max(float(baseline_loss.max()), 0.0),
         battery_capacity=battery,
-        battery_life=battery / mean_power if battery and mean_power > 0 else None,
-        battery_life_full=battery / full_power if battery and full_power > 0 else None,
+        battery_life=battery / mean_power if battery and mean_power else None,
+        battery_life_full=battery / full_power if battery and full_power else None,
         noticed=header.noticed,
         watched=header.watched,
     )

@@ -30,7 +30,7 @@ class Request:
 
     budget: float  # in `budget_unit`
     budget_unit: BudgetUnit  # mean factor, share of the power at full brightness, or watt
-    power_model: PowerModel  # of the panel
+    power_model: PowerModel | None  # of the panel; None: not known, and the budget is a factor
     rate_limit: RateLimit  # ΔL(L) as fitted, on the curves' display
     limit_curve: LimitCurve = LimitCurve.FITTED  # the fitted curve, or the lower edge of its band
     modulated: ModulatedLuminance = ModulatedLuminance.FRAME_MEAN  # whose luminance the rate limit is about
@@ -40,6 +40,13 @@ class Request:
     minimized: Objective = SPREAD  # what is minimized
     battery: float | None = None  # capacity of the battery that the panel draws on [Wh]; None: not known
     noticed: float | None = None  # share of detections to keep to; None: that of the fitted limit
+
+    @property
+    def panel(self) -> PowerModel:
+        """The power model; `InputError` where none is known."""
+        if self.power_model is None:
+            raise InputError(f"a budget in {self.budget_unit.value} needs `power_model`, that of the display")
+        return self.power_model
 
     @property
     def limit(self) -> RateLimit:
@@ -83,8 +90,8 @@ def budget_line(curves: LossCurves, request: Request) -> tuple[float, float, Arr
     time_share = curves.durations / curves.durations.sum()
     if request.budget_unit is BudgetUnit.FACTOR:
         return 0.0, 1.0, time_share
-    slope = power_per_factor(request.power_model, curves.channel_means)
-    mean_slope, base = float(time_share @ slope), request.power_model.base_power
+    slope = power_per_factor(request.panel, curves.channel_means)
+    mean_slope, base = float(time_share @ slope), request.panel.base_power
     if not mean_slope > 0:
         raise InputError("the video is black throughout: dimming an OLED panel saves no power on it")
     weights = time_share * slope / mean_slope
@@ -103,7 +110,11 @@ def require_possible(request: Request, lowest_factor: float) -> None:
     lowest_factor : float
         Lowest brightness factor allowed.
     """
-    model, unit = request.power_model, request.budget_unit
+    unit = request.budget_unit
+    if request.power_model is None and unit is BudgetUnit.FACTOR:
+        _require_between(request, (lowest_factor, 1.0), lowest_factor)
+        return
+    model = request.panel
     if model.kind is PanelKind.OLED:
         if unit is BudgetUnit.FACTOR:
             raise InputError(
@@ -127,8 +138,8 @@ def _require_possible_on_oled(request: Request, lowest_factor: float) -> None:
 
     Dimming saves the largest share on white: (base + b s) / (base + s) falls as s grows.
     """
-    base = request.power_model.base_power
-    white = float(power_per_factor(request.power_model, np.ones((1, 3)))[0])
+    base = request.panel.base_power
+    white = float(power_per_factor(request.panel, np.ones((1, 3)))[0])
     if request.budget_unit is BudgetUnit.POWER:
         _require_between(request, ((base + lowest_factor * white) / (base + white), 1.0), lowest_factor)
     elif not base < request.budget <= (base + white) * (1 + 1e-12):

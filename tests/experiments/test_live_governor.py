@@ -320,12 +320,15 @@ def test_the_record_says_what_the_budget_was_and_how_it_was_met() -> None:
 )
 def test_a_budget_that_cannot_be_is_refused(options: dict[str, Any], says: str) -> None:
     with pytest.raises(InputError, match=says):
-        asked_budget(LiveOptions(**options))
+        asked_budget(LiveOptions(**options), load_display("varjo-xr3"))
 
 
 def test_a_budget_that_no_factor_meets_is_refused_before_the_window_opens() -> None:
     for budget, says in (
-        (asked_budget(LiveOptions(budget=0.1)), r"the budget 0\.1 \(factor\) cannot be met"),
+        (
+            asked_budget(LiveOptions(budget=0.1), load_display("varjo-xr3")),
+            r"the budget 0\.1 \(factor\) cannot be met",
+        ),
         (asked(0.5, BudgetUnit.FACTOR, 60.0, OLED), "says nothing of the power of an OLED panel"),
         (asked(0.05, BudgetUnit.WATT, 60.0, OLED), r"0\.05 \(watt\) cannot be met on any content"),
         (asked(50.0, BudgetUnit.WATT, 60.0, OLED), r"50 \(watt\) cannot be met on any content"),
@@ -333,4 +336,4 @@ def test_a_budget_that_no_factor_meets_is_refused_before_the_window_opens() -> N
     ):
         with pytest.raises(InputError, match=says):
             LiveDimming.asked_for(LiveOptions(), load_display("varjo-xr3"), budget)
-    assert asked_budget(LiveOptions()) is None
+    assert asked_budget(LiveOptions(), load_display("varjo-xr3")) is None
