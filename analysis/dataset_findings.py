@@ -185,7 +185,7 @@ def find_in_dataset(
     InputError
         If there is nothing to analyse, a task asked for is not there, or no task can be analysed.
     """
-    from evenlight.analysis.plans.preregistration import Run, departures_of
+    from evenlight.analysis.plans.preregistration import Run, departures_of, registered_in
 
     roll = undamaged_roll(dataset)
     present = roll.tasks
@@ -194,6 +194,7 @@ def find_in_dataset(
         found = f"holds {', '.join(present)}" if present else _no_session(dataset, roll)
         wanted = f"expected sessions of {', '.join(missing)}; it " if missing else "it "
         raise InputError(f"{dataset}: {wanted}{found}")
+    plans = registered_in(dataset, options.tasks or present, options.preregistered)
     result, runs = DatasetFindings(), dict[str, Run]()
     for task in options.tasks or present:
         report(task)
@@ -209,7 +210,7 @@ def find_in_dataset(
         result.participants[task] = len(data.participant_ids)
     if not result.findings:
         raise InputError("; ".join(result.refused.values()))
-    return replace(result, roll=roll, departures=departures_of(dataset, runs, options.preregistered))
+    return replace(result, roll=roll, departures=departures_of(plans, runs))
 
 
 def _no_session(dataset: Path, roll: RollCall) -> str:

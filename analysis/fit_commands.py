@@ -75,7 +75,7 @@ def fit(
     from evenlight.analysis.calibration.calibration import NoRateLimitError, calibrate
     from evenlight.analysis.calibration.fit_report import write_fit, write_without_limit
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
-    from evenlight.analysis.plans.preregistration import departures_of
+    from evenlight.analysis.plans.preregistration import departures_of, registered_in
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
     from evenlight.analysis.session_loading import undamaged_roll
     from evenlight.analysis.sweeps.sweep_loading import newest_sweeps
@@ -111,7 +111,8 @@ def fit(
     if not sweeps or TASK in roll.tasks:
         data = load_ramp_data(dataset, roll)
         roll = data.roll or roll
-        data = replace(data, departures=departures_of(dataset, {TASK: (data, options)}, preregistered))
+        plans = registered_in(dataset, (TASK,), preregistered)
+        data = replace(data, departures=departures_of(plans, {TASK: (data, options)}))
     with result_folder(out, "fit", force=force) as folder, shown_progress(quiet) as progress:
         results = refused = None
         if data:

@@ -7,9 +7,8 @@ which alone is read again, so that the text may be filled in, translated and sen
 from __future__ import annotations
 
 import json
-import re
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
@@ -24,23 +23,26 @@ from evenlight.analysis.report_prose import prose
 from evenlight.analysis.session_loading import TaskData
 from evenlight.analysis.wording import first_few, participants
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record, plain_value, record_from_mapping, type_hints
-from evenlight.data_schema.provenance import provenance_now, sha256_of_bytes
+from evenlight.data_schema.mapping import mapping_from_record, plain_value, type_hints
+from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.quantities import file_key, typed
 from evenlight.data_schema.recordings.dataset_layout import PREREGISTRATIONS
 from evenlight.data_schema.recordings.ramp import Placement, RampDesign
 from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.recordings.session import Design, SessionManifest
-from evenlight.data_schema.recordings.study import Preregistration, study_of
+from evenlight.data_schema.recordings.study import (
+    Preregistration,
+    digest_of,
+    read_preregistration,
+    study_of,
+)
 from evenlight.data_schema.result_request import REQUEST, ResultRequest
-from evenlight.data_schema.storage.text_files import parse_json, read_text, read_toml_record
+from evenlight.data_schema.storage.text_files import read_toml_record
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.experiments.design_files import load_task_design
 from evenlight.method.preset_files import load_display
 
-WHAT = "a pre-registration of `evenlight plan --preregister`, as it was written"
-BLOCK = re.compile(r"^```json\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 READ = {"rating": ("seed",), "comparison": ("seed", "margin"), "search": ("slowing",)}  # options of analyze
 How = RateLimitOptions | AnalysisOptions
 Run = tuple[TaskData[Any], How]  # what is analysed, and how
@@ -54,10 +56,12 @@ def design_to_register(file: Path, task: str, asked: dict[str, Any]) -> tuple[st
     Raises
     ------
     InputError
-        If the file is there or cannot be, several designs are given, or a number that the design has.
+        If the file is there or cannot be, several designs are given, or a number that the design has; or the
+        earlier result, whose analysis is registered, has none.
     """
     if file.exists() or file.suffix not in (".md", ".txt") or not file.absolute().parent.is_dir():
         raise InputError(f"{file}: a pre-registration is a new file, .md or .txt, in a folder that is there")
+    _fit_options(asked.get("analysis", ""))
     names = asked.pop("design", None) or ["recommended" if task == "ramp" else "paper"]
     design = load_task_design(task, names[0])
     if isinstance(design, RampDesign):
@@ -99,7 +103,7 @@ def register(
         how = AnalysisOptions(slowing=round(question.margin - 1, 9))
     n, display = max(filter(None, needed)), load_display(ramp.display).name if ramp else ""
     origin = provenance_now(
-        plan.provenance.seed, {f"design {design[0]}": _digest(mapping_from_record(design[1]))}
+        plan.provenance.seed, {f"design {design[0]}": digest_of(mapping_from_record(design[1]))}
     )
     options = options_of(question.task, how)
     registered = Preregistration(question.task, made, n, design[1], display, options, origin)
@@ -121,7 +125,7 @@ def register(
         concerns=[kind.value for kind in ConcernKind],
     )
     content = mapping_from_record(registered)
-    block = json.dumps({**content, "sha256": _digest(content)}, indent=1, ensure_ascii=False)
+    block = json.dumps({**content, "sha256": digest_of(content)}, indent=1, ensure_ascii=False)
     write_whole(file, "\n\n".join([*text, f"```json\n{block}\n```\n"]))
 
 
@@ -141,36 +145,31 @@ def options_of(task: str, options: How) -> dict[str, Any]:
     return {name: told[name] for name in READ.get(task, told) if told[name] is not None}
 
 
-def _digest(content: dict[str, Any]) -> str:
-    return sha256_of_bytes(json.dumps(content, sort_keys=True).encode())
-
-
-def read_preregistration(file: Path) -> Preregistration:
-    """Return what a pre-registration promises; refuse one whose block is missing, damaged or changed."""
-    blocks = BLOCK.findall(read_text(file, WHAT))
-    content = parse_json(blocks[-1], str(file), WHAT) if blocks else None
-    if not isinstance(content, dict) or content.pop("sha256", None) != _digest(content):
-        raise InputError(f"{file}: the block at its end is missing or was changed; expected {WHAT}")
-    return record_from_mapping(Preregistration, content, str(file))
-
-
-def departures_of(dataset: Path, runs: Mapping[str, Run], given: Path | None = None) -> tuple[str, ...]:
-    """Return how what is analysed, by task, departs from the pre-registrations beside it, or the given one.
+def registered_in(
+    dataset: Path, tasks: Collection[str], given: Path | None = None
+) -> dict[Path, Preregistration]:
+    """Return the pre-registrations of a data set, or the given one.
 
     Raises
     ------
     InputError
         If one cannot be read or was changed, or the given one is of an experiment that is not analysed.
     """
+    files = [given] if given else sorted(dataset.glob(PREREGISTRATIONS))
+    found = {file: read_preregistration(file) for file in files}
+    if given and (task := found[given].task) not in tasks:
+        raise InputError(f"{given}: is of the experiment {task}, which is not analysed here")
+    return found
+
+
+def departures_of(plans: Mapping[Path, Preregistration], runs: Mapping[str, Run]) -> tuple[str, ...]:
+    """Return how what is analysed, by task, departs from what was planned."""
     told = {}
-    for file in [given] if given else sorted(dataset.glob(PREREGISTRATIONS)):
-        registered = read_preregistration(file)
+    for file, registered in plans.items():
         if (task := registered.task) in runs:
             found = list(_departures(registered, *runs[task]))
             many = f"{len(found) or 'no'} departure{'s' * (len(found) > 1)}"
             told[task] = [f"{many} from the pre-registration {file} of {registered.made[:10]}", *found]
-        elif given:
-            raise InputError(f"{file}: is of the experiment {task}, which is not analysed here")
     lines = {task: told.get(task, ["not pre-registered"]) for task in runs if told}
     return tuple(f"{task}: {words}" for task, own in lines.items() for words in own)
 
@@ -189,16 +188,29 @@ def _departures(registered: Preregistration, data: TaskData[Any], how: How) -> I
     if off := [f"{who} ({n} of {planned[who]})" for who, n in shown.items() if n != planned[who]]:
         yield f"other numbers of trials that count than planned: participant {first_few(off)}"
     yield from _differences(registered, manifests)
-    now = options_of(registered.task, how)
+    only, now = _only_ones(registered.design), options_of(registered.task, how)
     for name in sorted(now.keys() | registered.options.keys()):
-        if now.get(name) != (was := registered.options.get(name)):
-            yield f"analysed with {name} {_words(now.get(name))} instead of {_words(was)}"
+        is_, was = now.get(name, only.get(name)), registered.options.get(name, only.get(name))
+        if is_ != was:
+            yield f"analysed with {name} {_words(is_)} instead of {_words(was)}"
     if before := [m.participant_id for m in manifests if m.started and m.started < registered.made]:
         yield f"collected before it was written: participant {first_few(before)}"
     origins, ours = [provenance_now(), *(m.provenance for m in manifests)], registered.provenance
     versions = {origin.software_version for origin in origins} - {"unknown"}
     if others := sorted(v for v in versions if _main_part(v) != _main_part(ours.software_version)):
         yield f"with Evenlight {first_few(others)} instead of {ours.software_version}"
+
+
+def _only_ones(design: Design) -> dict[str, Any]:
+    """Return the options of `fit` that choose nothing, as the design has only one of the kind."""
+    if not isinstance(design, RampDesign):
+        return {}
+    kinds = {
+        "procedure": (design.procedure.value,),
+        "direction": tuple(direction.value for direction in design.directions),
+        "ramp_duration": design.ramp_durations,
+    }
+    return {name: own[0] for name, own in kinds.items() if len(own) == 1}
 
 
 def _left_out(roll: RollCall, task: str) -> Iterator[str]:

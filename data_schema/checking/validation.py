@@ -18,6 +18,8 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import keys_of
 from evenlight.data_schema.quantities import Array
 from evenlight.data_schema.record_kinds import FileFormat, RecordKind, known_kinds
+from evenlight.data_schema.recordings.dataset_layout import PREREGISTRATIONS
+from evenlight.data_schema.recordings.study import read_preregistration
 from evenlight.data_schema.storage.result_folders import SUMS, changed_in
 from evenlight.data_schema.storage.text_files import parse_json, read_text, read_toml
 from evenlight.data_schema.tracks.brightness_track import DERIVED, TRACK_COLUMNS, BrightnessTrack
@@ -56,6 +58,9 @@ def validate(path: Path) -> Iterator[CheckedFile]:
     """
     if path.is_dir():
         yield from _check_folder(path)
+        return
+    if fnmatchcase(path.name, PREREGISTRATIONS):
+        yield _checked_preregistration(path)
         return
     kind = _kind_of(path)
     if kind is None:
@@ -104,11 +109,22 @@ def _check_member(path: Path) -> CheckedFile:
         for name in changed_in(path.parent):
             checked.blame(f"{name}: is not as it was when this result was written")
         return checked
+    if fnmatchcase(path.name, PREREGISTRATIONS):
+        return _checked_preregistration(path)
     try:
         kind = _kind_of(path)
     except InputError:
         kind = None  # no record, as far as its name tells, and not readable as one
     return check_file(path, kind) if kind else CheckedFile(path, "")
+
+
+def _checked_preregistration(path: Path) -> CheckedFile:
+    checked = CheckedFile(path, "a pre-registration")
+    try:
+        checked.records.append((0, read_preregistration(path)))
+    except InputError as error:
+        checked.problems.append(str(error))
+    return checked
 
 
 def _kind_of(path: Path) -> RecordKind | None:

@@ -4,14 +4,21 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 from pathlib import Path
+from typing import Any
 
-from evenlight.data_schema.provenance import Provenance
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.mapping import record_from_mapping
+from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
 from evenlight.data_schema.quantities import count, described, file_key, record
 from evenlight.data_schema.recordings.dataset_layout import STUDY
 from evenlight.data_schema.recordings.session import Design
 from evenlight.data_schema.result_request import Asked
-from evenlight.data_schema.storage.text_files import read_toml_record
+from evenlight.data_schema.storage.text_files import parse_json, read_text, read_toml_record
+
+WHAT = "a pre-registration of `evenlight plan --preregister`, as it was written"
+BLOCK = re.compile(r"^```json\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 @record
@@ -67,6 +74,20 @@ def study_of(dataset: Path) -> Study:
     """
     path = dataset / STUDY
     return read_toml_record(Study, path) if path.exists() else Study()
+
+
+def digest_of(content: dict[str, Any]) -> str:
+    """Return the SHA-256 of what is kept as JSON, whatever the order of its keys."""
+    return sha256_of_bytes(json.dumps(content, sort_keys=True).encode())
+
+
+def read_preregistration(file: Path) -> Preregistration:
+    """Return what a pre-registration promises; refuse one whose block is missing, damaged or changed."""
+    blocks = BLOCK.findall(read_text(file, WHAT))
+    content = parse_json(blocks[-1], str(file), WHAT) if blocks else None
+    if not isinstance(content, dict) or content.pop("sha256", None) != digest_of(content):
+        raise InputError(f"{file}: the block at its end is missing or was changed; expected {WHAT}")
+    return record_from_mapping(Preregistration, content, str(file))
 
 
 def blank_study() -> str:

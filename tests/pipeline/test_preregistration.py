@@ -12,14 +12,17 @@ from typing import Any
 import pytest
 
 from evenlight import command as command_line
+from evenlight.analysis import dataset_findings
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions
-from evenlight.analysis.dataset_findings import AnalysisOptions
-from evenlight.analysis.plans.preregistration import departures_of, read_preregistration, register
+from evenlight.analysis.dataset_findings import AnalysisOptions, find_in_dataset
+from evenlight.analysis.plans.preregistration import departures_of, register, registered_in
 from evenlight.analysis.plans.questions import RampQuestion
 from evenlight.analysis.plans.ramp_plan import plan_ramps
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.session_loading import load_task
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitModel
+from evenlight.data_schema.recordings.study import read_preregistration
 from evenlight.data_schema.recordings.viewing import RatingTrial
 from evenlight.data_schema.result_request import ResultRequest
 from evenlight.data_schema.storage.text_files import write_toml_record
@@ -99,6 +102,13 @@ def cut(lab: Path) -> None:
             None, RateLimitOptions(model=RateLimitModel.POOLED, degree=3),
             ["analysed with degree 3 instead of unset", "analysed with model pooled instead of joint"],
         ),
+        (
+            None, RateLimitOptions(
+                procedure=SHORT.procedure, direction=SHORT.directions[0],
+                ramp_duration=SHORT.ramp_durations[0],
+            ), [],
+        ),
+        (None, RateLimitOptions(ramp_duration=9.0), ["analysed with ramp_duration 9.0 instead of 5.0"]),
         (began, JOINT, ["collected before it was written: participant 02"]),
         (("provenance.software_version", "3.0.0"), JOINT, ["with Evenlight 0.1.0 instead of 3.0.0"]),
     ],
@@ -110,7 +120,7 @@ def test_each_departure_is_found_and_no_other(
         registered(lab, *change)
     elif change:
         change(lab)
-    first, *found = departures_of(lab, {"ramp": (load_ramp_data(lab), options)})
+    first, *found = departures_of(registered_in(lab, ("ramp",)), {"ramp": (load_ramp_data(lab), options)})
     many = {0: "no departure ", 1: "1 departure "}.get(len(expected), f"{len(expected)} departures ")
     assert first.startswith(f"ramp: {many}from the pre-registration {lab / FILE} of 20")
     assert len(found) == len(expected)
@@ -132,7 +142,7 @@ def test_departures_come_first_on_the_terminal_in_the_report_and_the_summary(lab
     assert command("export", lab, "--to", "bids", "--out", lab.parent / "bids").code == 0
     assert (lab.parent / "bids" / FILE).read_bytes() == (lab / FILE).read_bytes()
     (lab / FILE).unlink()
-    assert departures_of(lab, {"ramp": (load_ramp_data(lab), JOINT)}) == ()
+    assert registered_in(lab, ("ramp",)) == {}
 
 
 def test_ratings_of_another_lab_have_no_design_and_another_scale(lab: Path, command: Run) -> None:
@@ -145,7 +155,7 @@ def test_ratings_of_another_lab_have_no_design_and_another_scale(lab: Path, comm
     assert command(*plan, "--preregister", lab.parent / "own.md").code == 0
     data = load_task(lab.parent / "theirs", "rating", RatingTrial)
     runs = {"rating": (data, AnalysisOptions()), "ramp": (load_ramp_data(lab), JOINT)}
-    assert departures_of(lab, runs, lab.parent / "own.md")[1:] == (
+    assert departures_of(registered_in(lab, runs, lab.parent / "own.md"), runs)[1:] == (
         "rating: design unknown instead of known",
         "rating: scale 1 to 7 in whole points instead of 1 to 5 in whole points",
         "ramp: not pre-registered",
@@ -166,6 +176,26 @@ def test_a_changed_or_foreign_file_is_refused_in_one_line(
     (lab / "own.md").write_text((lab / FILE).read_text(encoding="utf-8").replace(old, new), encoding="utf-8")
     ended = command("fit", lab, "--preregistered", lab / "own.md", "--out", lab.parent / "fit")
     assert (ended.code, ended.err.count("\n"), said in ended.err) == (2, 1, True), ended.err
+    assert command("validate", lab).code == 0
+    shutil.move(lab / "own.md", lab / FILE)
+    for path in (lab, lab / FILE):
+        ended = command("validate", path)
+        assert (ended.code, said in ended.out + ended.err) == (1, True), ended
+
+
+def test_a_changed_one_and_one_of_another_experiment_are_refused_before_the_analysis(
+    lab: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def analysed(*_: object) -> None:
+        pytest.fail("analysed first")
+
+    monkeypatch.setattr(dataset_findings, "_analysed", analysed)
+    registered(lab, "task", "rating")
+    with pytest.raises(InputError, match=r"of the experiment rating, which is not analysed"):
+        find_in_dataset(lab, AnalysisOptions(preregistered=lab / FILE), lab.parent)
+    (lab / FILE).write_text("nothing", encoding="utf-8")
+    with pytest.raises(InputError, match="was changed"):
+        find_in_dataset(lab, AnalysisOptions(), lab.parent)
 
 
 @pytest.mark.parametrize(
@@ -175,12 +205,14 @@ def test_a_changed_or_foreign_file_is_refused_in_one_line(
         (("none/there.md",), "in a folder that is there"),
         (("new.md", "--trials", "20"), "which says what --trials would"),
         (("new.md", "--design", "paper", "--design", "quick"), "one --design"),
+        (("new.md", "--analysis", "nowhere"), "nowhere"),
     ],
 )
 def test_what_cannot_be_registered_is_refused(
     lab: Path, command: Run, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], said: str
 ) -> None:
     monkeypatch.chdir(lab)
+    monkeypatch.setattr("evenlight.analysis.plans.ramp_plan.plan_ramps", lambda *_: pytest.fail("simulated"))
     ended = command("plan", "ramp", "--out", "plan", "--preregister", *words)
     assert (ended.code, said in ended.err, Path("new.md").exists()) == (2, True, False), ended.err
 
