@@ -10,9 +10,9 @@ from typing import Annotated
 
 import typer
 
-from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel, Sigmoid
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
-from evenlight.option_panels import ForceOption, PreregisteredOption, QuietOption, expert, output, viewing
+from evenlight.option_panels import ForceOption, PreregisteredOption, QuietOption, expert, output
 from evenlight.progress import shown_progress
 
 curve_option = functools.partial(typer.Option, rich_help_panel="The curve of the rate limit")
@@ -48,6 +48,9 @@ def fit(
     monotone: Annotated[
         bool, expert("--monotone", help="Allow only a curve that never falls with luminance (joint).")
     ] = False,
+    sigmoid: Annotated[
+        Sigmoid, expert(help="Which psychometric function the joint model has; single thresholds: logistic.")
+    ] = Sigmoid.LOGISTIC,
     procedure: Annotated[
         Procedure | None, expert(help="Which question's answers to fit, if there were several.")
     ] = None,
@@ -62,8 +65,12 @@ def fit(
         ),
     ] = None,
     power_model: Annotated[
-        str | None, viewing(help="For measured power: a power model whose prediction is shown beside it.")
+        str | None, expert(help="For measured power: a power model whose prediction is shown beside it.")
     ] = None,
+    checks: Annotated[
+        bool,
+        curve_option("--checks", help="Say how the joint model fits; needs the extra bayes (ArviZ)."),
+    ] = False,
     preregistered: PreregisteredOption = None,
     force: ForceOption = False,
     quiet: QuietOption = False,
@@ -74,6 +81,7 @@ def fit(
     """
     from evenlight.analysis.calibration.calibration import NoRateLimitError, calibrate
     from evenlight.analysis.calibration.fit_report import write_fit, write_without_limit
+    from evenlight.analysis.calibration.inference_data import arviz
     from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
     from evenlight.analysis.plans.preregistration import departures_of, registered_in
     from evenlight.analysis.ramp_loading import TASK, load_ramp_data
@@ -86,6 +94,8 @@ def fit(
     from evenlight.data_schema.storage.result_folders import result_folder
 
     require_apart(out, dataset)
+    if checks:
+        arviz()
     if (dataset / POWER_LOG).is_file():
         from evenlight.analysis.played_power.power_report import write_power_results
         from evenlight.method.preset_files import load_power_model
@@ -105,6 +115,7 @@ def fit(
         procedure=procedure,
         model=model or default_model(form),
         monotone=monotone,
+        sigmoid=sigmoid,
     )
     sweeps = newest_sweeps(dataset)
     data, roll = None, undamaged_roll(dataset)
@@ -119,7 +130,7 @@ def fit(
             progress.step("fitting thresholds and curve")
             origin = provenance_now(inputs={"dataset": data.sha256})
             try:
-                results = write_fit(calibrate(data, options, progress.at), folder, origin)
+                results = write_fit(calibrate(data, options, progress.at), folder, origin, checks)
             except NoRateLimitError as error:
                 write_without_limit(error, folder, origin)
                 refused = error

@@ -17,6 +17,7 @@ from evenlight.data_schema.quantities import Array, described, quantity, record,
 from evenlight.data_schema.rate_limit_kinds import BandKind as BandKind
 from evenlight.data_schema.rate_limit_kinds import RateLimitForm as RateLimitForm
 from evenlight.data_schema.rate_limit_kinds import RateLimitModel as RateLimitModel
+from evenlight.data_schema.rate_limit_kinds import Sigmoid as Sigmoid
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 if TYPE_CHECKING:

@@ -11,6 +11,14 @@ class RateLimitModel(enum.Enum):
     POOLED = "pooled"  # all answers of a level as if of one person, then a curve; a reading of the paper
 
 
+class Sigmoid(enum.Enum):
+    """What a psychometric function of ln(rate) is, between its asymptotes."""
+
+    LOGISTIC = "logistic"
+    NORMAL = "normal"  # the normal distribution function
+    WEIBULL = "weibull"  # 1 - exp(-exp z): Weibull's of the rate
+
+
 class BandKind(enum.Enum):
     """What a band holds with the confidence stated."""
 

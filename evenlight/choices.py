@@ -4,7 +4,7 @@ These names stay; the modules that they come from may change.
 """
 
 from evenlight.data_schema.power_model import PanelKind
-from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel, Sigmoid
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
@@ -25,5 +25,6 @@ __all__ = [
     "Procedure",
     "RateLimitForm",
     "RateLimitModel",
+    "Sigmoid",
     "SolverName",
 ]

@@ -23,7 +23,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.importing.imported_order import ITEMS
 from evenlight.data_schema.mapping import keys_of, nullable_fields, record_from_mapping, type_hints
-from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel, Sigmoid
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
 from evenlight.data_schema.recordings.ramp_values import with_end
 from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, scale_of
@@ -55,6 +55,7 @@ def fit_ramps(
     form: RateLimitForm | str | None = None,
     degree: int | None = None,
     monotone: bool = False,
+    sigmoid: str = "logistic",
     procedure: str | None = None,
 ) -> RampFit:
     """Fit psychometric functions and the rate limit to a table of luminance ramps (Section 3.4).
@@ -83,6 +84,8 @@ def fit_ramps(
         Of the polynomial. Else by predictive score (joint), or 4 as in the paper.
     monotone : bool
         Whether the curve may not fall with luminance (joint).
+    sigmoid : {"logistic", "normal", "weibull"}
+        Which psychometric function the joint model has. `RampFit.thresholds` are of logistic ones.
     procedure : {"yes_no", "two_interval"}, optional
         The task whose answers are fitted, where the table holds both.
 
@@ -104,6 +107,7 @@ def fit_ramps(
         procedure=None if procedure is None else choice("procedure", procedure, Procedure),
         model=default_model(described) if model is None else choice("model", model, RateLimitModel),
         monotone=flag("monotone", monotone),
+        sigmoid=choice("sigmoid", sigmoid, Sigmoid),
     )
     rows = _rows_of(table, ("participant_id", "luminance_cd_m2", "rate_cd_m2_s", "response"))
     simulated = flag("simulated", simulated) or _says_simulated(rows)

@@ -11,8 +11,10 @@ import numpy as np
 
 from evenlight.analysis.calibration.calibration import Calibration, NoRateLimitError, ThresholdFits
 from evenlight.analysis.calibration.calibration_sections import lapses_before, shared_luminances
+from evenlight.analysis.calibration.inference_data import inference_data
 from evenlight.analysis.calibration.joint.joint_fit import JointFit
 from evenlight.analysis.calibration.level_estimates import difference_in_words, level_mapping, mean_ratios
+from evenlight.analysis.calibration.model_checks import checks_section
 from evenlight.analysis.calibration.ramp_findings import findings_without_limit, ramp_findings
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
 from evenlight.analysis.report import Report, Section, write_report
@@ -26,23 +28,33 @@ from evenlight.data_schema.storage.text_files import write_json, write_json_reco
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.threshold import Threshold
 
+DRAWS = "joint_draws.nc"
 FILES = {
     "thresholds.csv": "thresholds of each participant and level, with credible intervals",
     "rate_limit.json": "the fitted rate limit, for `evenlight optimize --rate-limit`",
     "fit_summary.json": "what the fit rests on, for programs",
     "psychometric.png, rate_limit.png": "the figures of this page",
+    DRAWS: "draws from the joint model's posterior, of curve and people, for ArviZ",
 }
-WITHOUT_LIMIT = ("thresholds.csv",)
+WITHOUT_LIMIT = {"thresholds.csv": FILES["thresholds.csv"]}
 COMPARED_AT = 201  # luminances at which two curves are compared
 SCORED = ("form", "degree", "score", "standard_error", "chosen")
 
 
-def write_fit(calibration: Calibration, folder: Path, origin: Provenance) -> Analysis:
-    """Write thresholds, rate limit, summary, figures and `report.html`; return what was found."""
+def write_fit(calibration: Calibration, folder: Path, origin: Provenance, checks: bool = False) -> Analysis:
+    """Write thresholds, rate limit, summary, figures and `report.html`; return what was found.
+
+    `checks`: whether to check the joint model, and write draws from its posterior.
+    """
     write_calibration(calibration, folder, origin)
     found = ramp_findings(calibration)
+    if checks:
+        data = inference_data(calibration)
+        data.to_netcdf(str(folder / DRAWS))
+        found = dataclasses.replace(found, sections=(*found.sections, checks_section(calibration, data)))
     write_pictures(found, folder)
-    write_report(folder / "report.html", _report(calibration, found, origin))
+    files = {name: words for name, words in FILES.items() if checks or name != DRAWS}
+    write_report(folder / "report.html", _report(calibration, found, origin, files))
     return found
 
 
@@ -68,7 +80,7 @@ def write_without_limit(refused: NoRateLimitError, folder: Path, origin: Provena
     found = findings_without_limit(refused)
     write_thresholds(refused.fits, folder)
     write_pictures(found, folder)
-    write_report(folder / "report.html", _report(refused.fits, found, origin))
+    write_report(folder / "report.html", _report(refused.fits, found, origin, WITHOUT_LIMIT))
 
 
 def write_thresholds(fits: ThresholdFits, folder: Path) -> None:
@@ -82,8 +94,8 @@ def write_pictures(found: Analysis, folder: Path) -> None:
         write_whole(folder / f"{drawing.name}.png", drawing.png)
 
 
-def _report(fits: ThresholdFits, found: Analysis, origin: Provenance) -> Report:
-    data, whole = fits.data, isinstance(fits, Calibration)
+def _report(fits: ThresholdFits, found: Analysis, origin: Provenance, files: dict[str, str]) -> Report:
+    data = fits.data
     return Report(
         "Calibration of the rate limit",
         found.lead,
@@ -93,7 +105,7 @@ def _report(fits: ThresholdFits, found: Analysis, origin: Provenance) -> Report:
             *found.sections,
             *((roll_section(data.roll),) if data.roll else ()),
             provenance_section({"first session": data.sessions[0].manifest.provenance, "fit": origin}),
-            files_section(FILES if whole else {name: FILES[name] for name in WITHOUT_LIMIT}),
+            files_section(files),
         ),
         key_figures=found.key_figures,
     )
@@ -182,6 +194,7 @@ def _joint(joint: JointFit) -> dict[str, Any]:
         "level_sd_ln": dataclasses.asdict(joint.level_sd),
         "width": joint.width,
         "lapse_rate": joint.lapse_rate,
+        "sigmoid": joint.options.sigmoid.value,
         "participants": [dataclasses.asdict(person) for person in joint.participants],
         "shapes": [{key: shape[key] for key in SCORED} for shape in shapes],
         "left_out": list(joint.left_out),

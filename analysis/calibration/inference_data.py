@@ -69,7 +69,7 @@ VARIABLES = {
 def arviz() -> Any:
     """Return ArviZ, or refuse where it is not installed."""
     if importlib.util.find_spec("arviz") is None:
-        raise InputError("draws of the joint model need an extra: pip install 'evenlight[bayes]'")
+        raise InputError("checks of the joint model need an extra: pip install 'evenlight[bayes]'")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)  # what its version 1 will be
         import arviz as found
@@ -87,7 +87,7 @@ def inference_data(calibration: Calibration, size: int = DRAWS, seed: int = 1) -
     az, joint, rng = arviz(), calibration.models.joint, np.random.default_rng(seed)
     if joint is None:
         raise InputError(
-            f"there is no joint model to draw from: {', '.join(calibration.models.missing.values())}"
+            f"there is no joint model to check: {', '.join(calibration.models.missing.values())}"
         )
     population, tables = joint.population, joint.population.tables
     drawn = _drawn(population, size, rng)
@@ -168,7 +168,7 @@ def _answers(population: PopulationCurve, drawn: dict[str, Array], rng: np.rando
         threshold = (drawn["f"][:, c] + drawn["u"][:, p] + scatter[:, c, p])[:, None]
         width, guess, lapse = (drawn[name][:, p, None] for name in ("width", "guess_rate", "lapse_rate"))
         for counts, x in answers:
-            share = special.expit(ln_odds(x - threshold, np.log(width), guess))
+            share = special.expit(ln_odds(x - threshold, np.log(width), guess, population.tables.sigmoid))
             for _, n, low, missed in counts.parts(guess, lapse):
                 made[:, p, c] += rng.binomial(n, low + (1 - low - missed) * share).sum(axis=1)
     return made

@@ -28,7 +28,7 @@ from evenlight.analysis.calibration.rate_limit.rate_limit_fit import (
 )
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import BandKind, RateLimitForm, RateLimitModel, Sigmoid
 from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.data_schema.threshold import Threshold
 
@@ -153,7 +153,7 @@ def _with_function(fit: RateLimitFit, joint: JointFit | None) -> RateLimitFit:
         return fit
     width, ends = float(np.exp(np.mean(np.log([t.width for t in fit.own])))), None
     guess, lapse = np.mean([(t.guess_rate, t.lapse_rate) for t in fit.own], axis=0).tolist()
-    if fit.limit.model is RateLimitModel.JOINT and joint is not None:
+    if fit.limit.model is RateLimitModel.JOINT and joint and joint.options.sigmoid is Sigmoid.LOGISTIC:
         width, ends, lapse = joint.width, joint.width_range, joint.lapse_rate
     spread = None
     if fit.participant_sd is not None and fit.limit.form is not RateLimitForm.RATE:  # whose SDs are of rates

@@ -167,7 +167,7 @@ class RampFit(Result):
     def inference_data(self, draws: int = DRAWS, seed: int = 1) -> Any:
         """Return draws from the joint model's posterior, of curve and people together, for ArviZ.
 
-        Needs the extra `bayes`: `pip install 'evenlight[bayes]'`.
+        Needs the extra `bayes`. `evenlight fit --checks` writes it, and checks the model.
 
         Parameters
         ----------

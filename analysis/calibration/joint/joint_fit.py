@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from evenlight.analysis.calibration.joint.polynomial_shape import (
 )
 from evenlight.analysis.calibration.joint.population_curve import (
     PopulationCurve,
+    PriorScales,
     curve_prior,
     luminance_groups,
     population_curve,
@@ -89,6 +91,10 @@ class JointFit:
     n_trials: int  # ramps answered
     notes: tuple[str, ...]  # what a reader should know, as sentences
     population: PopulationCurve = field(repr=False)  # the posterior that all this is of
+    options: RateLimitOptions  # with the ramps that the curve is for
+    refit: Callable[..., PopulationCurve] = field(
+        repr=False
+    )  # to the same answers, with other options, scales
 
 
 def fit_joint(
@@ -96,6 +102,7 @@ def fit_joint(
     options: RateLimitOptions | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
     repeats: Repeats | None = None,
+    scales: PriorScales | None = None,
 ) -> JointFit:
     """Fit the joint model to the answers of all participants in one task.
 
@@ -109,18 +116,20 @@ def fit_joint(
         Called with the stages done and their number.
     repeats : Repeats, optional
         That the last answer is given again in some of the trials.
+    scales : PriorScales, optional
+        Those of the priors.
 
     Raises
     ------
     InputError
         If no answers are left, all answers are alike, or the shape asked for needs more luminances.
     """
-    options = options or RateLimitOptions()
+    options, scales = options or RateLimitOptions(), scales or PriorScales()
     counted, left_out = _without_false_alarmers(trials)
-    tables = answer_tables(counted, repeats)
+    tables = answer_tables(counted, repeats, scales.lapse, options.sigmoid)
     _require_threshold(tables, counted)
     report(1, STAGES)
-    population, reference, others = _population(tables, options)
+    population, reference, others = _population(tables, options, scales)
     report(2, STAGES)
     smooth = smoothed(population.tables, population.central.spread.level_sd)
     shapes, shape, found = compared_shapes(population, smooth, options)
@@ -139,10 +148,22 @@ def fit_joint(
         n_trials=sum(not trial.is_catch for trial in counted),
         notes=(),
         population=population,
+        options=replace(options, **reference.of_limit),
+        refit=partial(_refitted, counted, repeats),
     )
     report(STAGES, STAGES)
     spare = int(luminance_groups(tables.luminance).max()) - shape.basis.degree
     return replace(fit, notes=_notes(fit, options, spare))
+
+
+def _refitted(
+    counted: Sequence[RampTrial],
+    repeats: Repeats | None,
+    options: RateLimitOptions,
+    scales: PriorScales | None = None,
+) -> PopulationCurve:
+    scales = scales or PriorScales()
+    return _population(answer_tables(counted, repeats, scales.lapse, options.sigmoid), options, scales)[0]
 
 
 def _without_false_alarmers(trials: Sequence[RampTrial]) -> tuple[list[RampTrial], tuple[str, ...]]:
@@ -173,28 +194,28 @@ def _require_threshold(tables: AnswerTables, trials: Sequence[RampTrial]) -> Non
 
 
 def _population(
-    tables: AnswerTables, options: RateLimitOptions
+    tables: AnswerTables, options: RateLimitOptions, scales: PriorScales
 ) -> tuple[PopulationCurve, Condition, tuple[Condition, ...]]:
     """Return the posterior of the curve, the condition that it is for, and the others."""
     of_levels = [Condition(level.direction, level.ramp_duration) for level in tables.levels]
     allowed = allowed_references(tuple(dict.fromkeys(of_levels)), options)
-    population, others = _with_reference(tables, of_levels, allowed[0])
+    population, others = _with_reference(tables, of_levels, allowed[0], scales)
     effects = population.central.mean[population.prior.n_shape :].tolist()
     lower = {one: by for one, by in zip(others, effects, strict=True) if one in allowed and by < 0}
     if not lower:
         return population, allowed[0], others
     reference = min(lower, key=lambda one: lower[one])
-    population, others = _with_reference(tables, of_levels, reference)
+    population, others = _with_reference(tables, of_levels, reference, scales)
     return population, reference, others
 
 
 def _with_reference(
-    tables: AnswerTables, of_levels: Sequence[Condition], reference: Condition
+    tables: AnswerTables, of_levels: Sequence[Condition], reference: Condition, scales: PriorScales
 ) -> tuple[PopulationCurve, tuple[Condition, ...]]:
     """Return the posterior of a condition's curve, and the other conditions, whose effects come after it."""
     others = tuple(one for one in dict.fromkeys(of_levels) if one != reference)
     indicators = np.array([[float(own == one) for one in others] for own in of_levels])
-    prior = curve_prior(tables, indicators.reshape(len(of_levels), len(others)))
+    prior = curve_prior(tables, indicators.reshape(len(of_levels), len(others)), scales)
     return population_curve(tables, prior), others
 
 

@@ -34,6 +34,7 @@ from evenlight.analysis.calibration.psychometric.ramp_counts import (
     level_order,
 )
 from evenlight.data_schema.arrays import Array, Integers, Mask
+from evenlight.data_schema.rate_limit import Sigmoid
 from evenlight.data_schema.recordings.ramp import RampTrial
 from evenlight.method.compiled_loop import compiled_loop
 from evenlight.method.psychometric import WIDTH_LOGITS, threshold_logit
@@ -69,6 +70,7 @@ class AnswerTables:
     ln_weight: Array  # prior mass of their guess and lapse rate
     # The answers, with ln(rate / L), by number of level and participant; several of a display measured again
     cells: Mapping[tuple[int, int], Sequence[tuple[RampCounts, Array]]]
+    sigmoid: Sigmoid
 
     @property
     def luminance(self) -> Array:
@@ -88,7 +90,12 @@ class AnswerTables:
         )
 
 
-def answer_tables(trials: Sequence[RampTrial], repeats: Repeats | None = None) -> AnswerTables:
+def answer_tables(
+    trials: Sequence[RampTrial],
+    repeats: Repeats | None = None,
+    lapse_scale: float = 1.0,
+    sigmoid: Sigmoid = Sigmoid.LOGISTIC,
+) -> AnswerTables:
     """Return the tables of some trials, all of one task.
 
     Rates are taken relative to the luminance that they were shown at, and calibrations of one level are
@@ -100,6 +107,10 @@ def answer_tables(trials: Sequence[RampTrial], repeats: Repeats | None = None) -
         Ramps and catch trials; of yes/no, the catch trials tell each participant's guess rate.
     repeats : Repeats, optional
         That the last answer is given again in some of the trials.
+    lapse_scale : float
+        By which the prior's mean lapse rate is multiplied, about.
+    sigmoid : Sigmoid
+        F, between the asymptotes.
     """
     counts = counts_by_participant_and_level(trials, repeats)
     participants = tuple(dict.fromkeys(who for who, _ in counts))
@@ -111,19 +122,19 @@ def answer_tables(trials: Sequence[RampTrial], repeats: Repeats | None = None) -
     start = min(float(x[0]) for x in relative) - BEYOND
     nodes = np.arange(start, max(float(x[-1]) for x in relative) + BEYOND, step)
     first = {who: own for (who, _), own in reversed(counts.items())}
-    grids = [_nuisance_nodes(first[who]) for who in participants]
+    grids = [_nuisance_nodes(first[who], lapse_scale) for who in participants]
     table = np.zeros((len(levels), len(participants), nodes.size, grids[0].shape[1]))
     cells: dict[tuple[int, int], list[tuple[RampCounts, Array]]] = {}
     for ((who, level), own), x in zip(counts.items(), relative, strict=True):
         place = levels.index(joined[level]), participants.index(who)
         cells.setdefault(place, []).append((own, x))
-        table[place] += _ln_likelihood(own, x, nodes, grids[place[1]])
+        table[place] += _ln_likelihood(own, x, nodes, grids[place[1]], sigmoid)
     ln_width, guess, lapse, ln_weight = (np.array([grid[k] for grid in grids]) for k in range(4))
     alike = np.array(
         [_all_alike([own for (p, _), own in counts.items() if p == who]) for who in participants]
     )
     of_nodes = ln_width, guess, lapse, ln_weight
-    return AnswerTables(participants, levels, start, step, table, alike, *of_nodes, cells)
+    return AnswerTables(participants, levels, start, step, table, alike, *of_nodes, cells, sigmoid)
 
 
 def _all_alike(counts: Sequence[RampCounts]) -> bool:
@@ -133,13 +144,14 @@ def _all_alike(counts: Sequence[RampCounts]) -> bool:
     return yes == total or yes <= (counts[0].guess_rate or 0.0) * total
 
 
-def _nuisance_nodes(counts: RampCounts) -> Array:
+def _nuisance_nodes(counts: RampCounts, lapse_scale: float) -> Array:
     """Return ln(width), guess rate, lapse rate and the logarithm of the latter two's mass, shape (4, K)."""
     guess = np.array([[counts.guess_rate or 0.0], [1.0]])
     if counts.guess_rate is None:
         after = guess_prior(counts.catch_yes, counts.catch_trials)
         guess = _beta_nodes(*after, MAX_GUESS, GUESS_NODES)
-    lapse = _beta_nodes(*lapse_prior(counts.guess_rate), MAX_LAPSE, LAPSE_NODES)
+    a, b = lapse_prior(counts.guess_rate)
+    lapse = _beta_nodes(a, b / lapse_scale, MAX_LAPSE, LAPSE_NODES)
     ln_width, g, m = np.meshgrid(np.log(WIDTHS), guess[0], lapse[0], indexing="ij")
     mass = np.broadcast_to(np.outer(guess[1], lapse[1]), ln_width.shape)
     return np.array([ln_width.ravel(), g.ravel(), m.ravel(), np.log(mass.ravel())])
@@ -162,17 +174,27 @@ def within_beta_nodes(
     return np.asarray(special.betaincinv(*beta, np.take_along_axis(share, node[:, None], axis=1)[:, 0]))
 
 
-def _ln_likelihood(counts: RampCounts, x: Array, nodes: Array, nuisance: Array) -> Array:
+def _ln_likelihood(counts: RampCounts, x: Array, nodes: Array, nuisance: Array, sigmoid: Sigmoid) -> Array:
     """Return the log-likelihood of one participant's answers at one level, shape (T, K)."""
     ln_width, guess, lapse, _ = nuisance
-    logits = (ln_odds((place - nodes)[:, None], ln_width, guess) for place in x)
+    logits = (ln_odds((place - nodes)[:, None], ln_width, guess, sigmoid) for place in x)
     odds = (np.exp(np.clip(logit, -LARGEST_LOGIT, LARGEST_LOGIT)) for logit in logits)
     return ln_likelihood(counts, odds, guess, lapse, np.zeros((nodes.size, ln_width.size)))
 
 
-def ln_odds(distance: Array, ln_width: Array, guess: Array) -> Array:
-    """Return ln(F / (1 - F)) at ln(rate / threshold), for functions of some width and guess rate."""
-    return np.asarray(WIDTH_LOGITS * np.exp(-ln_width) * distance + threshold_logit(guess))
+def ln_odds(distance: Array, ln_width: Array, guess: Array, sigmoid: Sigmoid) -> Array:
+    """Return ln(F / (1 - F)) at ln(rate / threshold), where F rises from 5 % to 95 % over the width."""
+    at_threshold = threshold_logit(guess)
+    if sigmoid is Sigmoid.LOGISTIC:
+        return np.asarray(WIDTH_LOGITS * np.exp(-ln_width) * distance + at_threshold)
+    shares = special.expit(at_threshold), 0.05, 0.95
+    if sigmoid is Sigmoid.NORMAL:
+        middle, low, high = (special.ndtri(share) for share in shares)
+        z = middle + (high - low) * np.exp(-ln_width) * distance
+        return np.asarray(special.log_ndtr(z) - special.log_ndtr(-z))
+    middle, low, high = (np.log(-np.log1p(-share)) for share in shares)
+    z = middle + (high - low) * np.exp(-ln_width) * distance
+    return np.asarray(np.log(np.expm1(np.exp(np.clip(z, -LARGEST_LOGIT, np.log(LARGEST_LOGIT))))))
 
 
 @dataclass(frozen=True, slots=True)

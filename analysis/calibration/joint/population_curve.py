@@ -8,7 +8,7 @@ posterior is their mixture over a grid of spreads, with the spreads' weakly info
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,8 +27,6 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.rate_limit import RateLimitForm
 
 SMOOTH_DEGREE = 8
-# Half-normal priors, scales in ln units: brightness studies find 0.2 to 0.35 between participants
-PARTICIPANT_SCALE, LEVEL_SCALE, DEVIATION_SCALE = 0.5, 0.25, 0.4
 LUMINANCE_DIGITS = 4  # of ln(luminance): less is rounding
 WEAK_SD = 3.0  # of everything else, about a constant relative rate amid those tested
 WIDTH_SPREAD, WIDTH_PEOPLE = 0.4, 4.0  # of ln(width): as if so many people had shown that spread
@@ -44,6 +42,17 @@ NEAR_MODE = 0.05  # ln units from which the likelihood is quadratic up to the mo
 LONGEST_CLIMB = 30  # steps
 TYPICAL_DEVIATION = 0.2
 WIDTH_STEP = 0.1  # of ln(width), over which its posterior's curvature is differenced
+
+
+@dataclass(frozen=True, slots=True)
+class PriorScales:
+    """How wide the priors are: scales of half-normal ones in ln units, and factors of two others."""
+
+    participant_sd: float = 0.5  # of σ_u: brightness studies find 0.2 to 0.35 between participants
+    level_sd: float = 0.25  # of τ
+    deviation: float = 0.4  # of the size of the smooth deviation from a power law
+    width: float = 1.0  # times the standard deviations of ln(width): of its mean, and over people
+    lapse: float = 1.0  # times the mean lapse rate, about
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,6 +81,7 @@ class CurvePrior:
     design: Array
     centre: Array  # prior mean, (q,)
     n_shape: int  # how many of the columns are the curve's
+    scales: PriorScales = field(default_factory=PriorScales)
 
     def precision(self, deviation: float) -> Array:
         """Return the diagonal of the prior's precision, for a size of the smooth deviation."""
@@ -90,6 +100,16 @@ class PopulationCurve:
     nodes: tuple[CurveNode, ...]
     weights: Array
     central: CurveNode  # the most probable
+
+    def reweighed(self, scales: PriorScales) -> PopulationCurve:
+        """Return the posterior with other scales of the spreads' priors."""
+        of_spreads = "participant_sd", "level_sd", "deviation"
+        sizes = np.array([(n.spread.participant_sd, n.spread.level_sd, n.deviation) for n in self.nodes])
+        old, new = (
+            np.array([getattr(own, name) for name in of_spreads]) for own in (self.prior.scales, scales)
+        )
+        weights = self.weights * np.exp(0.5 * sizes**2 @ (old**-2.0 - new**-2.0))
+        return replace(self, weights=weights / weights.sum())
 
     def draws(self, size: int, rng: np.random.Generator) -> Array:
         """Return coefficients drawn from the posterior, shape (size, q)."""
@@ -110,7 +130,9 @@ def width_sd(population: PopulationCurve) -> float:
         return _best_of(_nodes_at(smooth, population.prior, spread, central.mean)).ln_evidence
 
     bend = 2 * evidence(0.0) - evidence(WIDTH_STEP) - evidence(-WIDTH_STEP)
-    return float((max(bend, 0.0) / WIDTH_STEP**2 + WIDTH_MEAN_SD**-2) ** -0.5)
+    return float(
+        (max(bend, 0.0) / WIDTH_STEP**2 + (population.prior.scales.width * WIDTH_MEAN_SD) ** -2) ** -0.5
+    )
 
 
 def luminance_groups(luminance: Array) -> NDArray[np.intp]:
@@ -130,7 +152,7 @@ def smooth_basis(luminance: Array) -> CurveBasis:
     return CurveBasis(RateLimitForm.LOG_LOG, SMOOTH_DEGREE, (low, high))
 
 
-def curve_prior(tables: AnswerTables, indicators: Array) -> CurvePrior:
+def curve_prior(tables: AnswerTables, indicators: Array, scales: PriorScales) -> CurvePrior:
     """Return the prior of the curve's coefficients, about a relative rate amid those tested.
 
     `indicators`, (C, k), are 1 where a level belongs to a condition other than the reference.
@@ -144,7 +166,7 @@ def curve_prior(tables: AnswerTables, indicators: Array) -> CurvePrior:
     centre[0] = middle + (ends.mean() if basis.degree else ends[0])
     if basis.degree:
         centre[1] = (ends[1] - ends[0]) / 2
-    return CurvePrior(np.column_stack([columns, indicators]), centre, columns.shape[1])
+    return CurvePrior(np.column_stack([columns, indicators]), centre, columns.shape[1], scales)
 
 
 def population_curve(tables: AnswerTables, prior: CurvePrior) -> PopulationCurve:
@@ -171,11 +193,11 @@ def _best_of(nodes: list[CurveNode]) -> CurveNode:
 def _mode(tables: AnswerTables, prior: CurvePrior) -> tuple[AnswerTables, Spread, Array]:
     """Return the tables with the nodes that matter, the likeliest spreads but τ, and the curve's mode."""
     middle = float(np.log(WIDTH_PRIOR[0]))
-    spread, at = Spread(0.35, 0.1, middle, WIDTH_SPREAD), prior.centre
+    spread, at = Spread(0.35, 0.1, middle, prior.scales.width * WIDTH_SPREAD), prior.centre
     smooth = smoothed(tables, spread.level_sd)
     for done in range(ROUNDS):
         at, seen = _climbed(smooth, prior, spread, at)
-        spread = _updated(spread, smooth.tables, seen, (middle, WIDTH_MEAN_SD))
+        spread = _updated(spread, smooth.tables, seen, prior.scales)
         if done == ROUNDS // 2:
             kept = np.argsort(-seen.of_nodes, axis=1)[:, :KEPT_NODES].astype(np.intp)
             tables = tables.with_nodes(kept)
@@ -218,20 +240,18 @@ def information(design: Array, seen: Evaluation) -> Array:
     return np.asarray((vectors * np.maximum(values, 0.0)) @ vectors.T)
 
 
-def _updated(
-    spread: Spread, tables: AnswerTables, seen: Evaluation, width_prior: tuple[float, float]
-) -> Spread:
+def _updated(spread: Spread, tables: AnswerTables, seen: Evaluation, scales: PriorScales) -> Spread:
     """Return spreads that are likelier, given what is known of each participant (EM)."""
     people = seen.of_u.shape[0]
     squares = float((seen.of_u @ seen.u**2).sum())
-    slack = people * PARTICIPANT_SCALE**2
-    variance = 0.5 * (np.sqrt(slack**2 + 4 * squares * PARTICIPANT_SCALE**2) - slack)
+    slack = people * scales.participant_sd**2
+    variance = 0.5 * (np.sqrt(slack**2 + 4 * squares * scales.participant_sd**2) - slack)
     mean = (seen.of_nodes * tables.ln_width).sum(axis=1)
     weight = people / spread.width_sd**2
-    prior_weight = width_prior[1] ** -2
-    middle = (weight * mean.mean() + prior_weight * width_prior[0]) / (weight + prior_weight)
+    prior_weight = (scales.width * WIDTH_MEAN_SD) ** -2
+    middle = (weight * mean.mean() + prior_weight * np.log(WIDTH_PRIOR[0])) / (weight + prior_weight)
     scatter = float((seen.of_nodes * (tables.ln_width - middle) ** 2).sum())
-    sd = np.sqrt((scatter + WIDTH_PEOPLE * WIDTH_SPREAD**2) / (people + WIDTH_PEOPLE))
+    sd = np.sqrt((scatter + WIDTH_PEOPLE * (scales.width * WIDTH_SPREAD) ** 2) / (people + WIDTH_PEOPLE))
     return Spread(max(float(variance**0.5), 0.02), spread.level_sd, float(middle), float(sd))
 
 
@@ -257,10 +277,11 @@ def _nodes_at(smooth: SmoothTables, prior: CurvePrior, spread: Spread, at: Array
     at, seen = _climbed(smooth, prior, spread, at)
     own = information(prior.design, seen)
     linear = own @ at + prior.design.T @ seen.gradient
-    ln_prior = -0.5 * (spread.participant_sd / PARTICIPANT_SCALE) ** 2 + np.log(spread.participant_sd)
-    ln_prior += -0.5 * (spread.level_sd / LEVEL_SCALE) ** 2 + np.log(spread.level_sd)
+    scales = prior.scales
+    ln_prior = -0.5 * (spread.participant_sd / scales.participant_sd) ** 2 + np.log(spread.participant_sd)
+    ln_prior += -0.5 * (spread.level_sd / scales.level_sd) ** 2 + np.log(spread.level_sd)
     nodes = []
-    for deviation in DEVIATIONS.tolist() if prior.n_shape > 2 else [DEVIATION_SCALE]:
+    for deviation in DEVIATIONS.tolist() if prior.n_shape > 2 else [scales.deviation]:
         diagonal = prior.precision(deviation)
         precision = own + np.diag(diagonal)
         mean = np.asarray(np.linalg.solve(precision, linear + diagonal * prior.centre), dtype=np.float64)
@@ -270,7 +291,7 @@ def _nodes_at(smooth: SmoothTables, prior: CurvePrior, spread: Spread, at: Array
             value
             - 0.5 * off @ (diagonal * off)
             + 0.5 * (np.log(diagonal).sum() - np.linalg.slogdet(precision)[1])
-            - 0.5 * (deviation / DEVIATION_SCALE) ** 2
+            - 0.5 * (deviation / scales.deviation) ** 2
             + np.log(deviation)
             + ln_prior
         )

@@ -11,7 +11,7 @@ from scipy import special
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import RateLimitForm, RateLimitModel, Sigmoid
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
 
 WIDEST_BAND = 100.0  # upper over lower end; beyond it an interval says nothing
@@ -41,6 +41,7 @@ class RateLimitOptions:
     procedure: Procedure | None = None  # task whose answers are fitted, where there are several
     model: RateLimitModel = RateLimitModel.JOINT
     monotone: bool = False  # whether the curve may not fall with luminance; of the joint model alone
+    sigmoid: Sigmoid = Sigmoid.LOGISTIC  # of the joint model's psychometric functions
 
     def __post_init__(self) -> None:
         if self.degree is not None and not 0 <= self.degree <= 8:
@@ -49,6 +50,8 @@ class RateLimitOptions:
             raise InputError(f"the band's level must lie between 0 and 1, got {self.band_level:g}")
         if self.monotone and self.model is not RateLimitModel.JOINT:
             raise InputError(f"a monotone curve is for the model joint, not for {self.model.value}")
+        if self.sigmoid is not Sigmoid.LOGISTIC and self.model is not RateLimitModel.JOINT:
+            raise InputError(f"another sigmoid is for the model joint, not for {self.model.value}")
 
     def shape(self, luminances: int) -> tuple[RateLimitForm, int]:
         """Return form and degree of a curve through thresholds at so many luminances.

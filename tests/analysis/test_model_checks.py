@@ -1,7 +1,9 @@
-"""Draws of the joint model as ArviZ's InferenceData."""
+"""Draws of the joint model as ArviZ's InferenceData, and what they say of the model."""
 
 import dataclasses
 import importlib.util
+import json
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,14 +14,19 @@ from scipy import special, stats
 
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
 from evenlight.analysis.calibration.inference_data import arviz, inference_data
-from evenlight.analysis.calibration.joint.marginal_likelihood import smoothed, within_beta_nodes
-from evenlight.analysis.calibration.ramp_fit import RampFit
+from evenlight.analysis.calibration.joint.joint_fit import fit_joint
+from evenlight.analysis.calibration.joint.marginal_likelihood import ln_odds, smoothed, within_beta_nodes
+from evenlight.analysis.calibration.joint.population_curve import PriorScales
+from evenlight.analysis.calibration.model_checks import checks_section, predicted_shares, tilts
+from evenlight.analysis.fit_commands import fit
 from evenlight.analysis.ramp_loading import RampData
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.rate_limit import RateLimitModel
-from evenlight.data_schema.recordings.ramp import Procedure, RampTrial
+from evenlight.data_schema.rate_limit import RateLimitModel, Sigmoid
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign, RampTrial
+from evenlight.experiments.viewing.simulate_viewing import ViewingSimulation, simulate_viewing
 from evenlight.method.preset_files import load_display
 from evenlight.method.psychometric import PsychometricFunction, log_likelihood, yes_probability
+from evenlight.tables import fit_ramps
 
 LUMINANCES = (10.0, 25.0, 60.0, 100.0)
 RATES = np.geomspace(0.006, 0.12, 8)
@@ -141,12 +148,113 @@ def test_values_within_nodes_follow_their_density() -> None:
     assert stats.kstest(found, lambda x: stats.beta(1, 30).cdf(x) / cut).pvalue > 0.001
 
 
-def test_draws_are_refused_without_their_extra_or_a_joint_model(
-    monkeypatch: pytest.MonkeyPatch, calibration: Calibration
+def test_shares_outside_their_prediction_are_found() -> None:
+    made = np.random.default_rng(1).binomial(50, 0.5, (1, 4000, 2, 3))
+    seen = np.array([[25, 24, 26], [25, 45, 25]])  # 45 of 50 where 25 are expected: 5.7 standard deviations
+    made[..., 0, 2] = seen[0, 2] = 0
+    n = np.array([[50, 50, 0], [50, 50, 50]])
+    az = arviz()
+    dims = {"n_success": ["participant", "level"], "n_trials": ["participant", "level"]}
+    data = az.from_dict(
+        posterior={"x": made[..., 0, 0]}, posterior_predictive={"n_success": made},
+        observed_data={"n_success": seen}, constant_data={"n_trials": n}, dims=dims,
+        coords={"participant": ["01", "02"], "level": ["a", "b", "c"]},
+    )  # fmt: skip
+    data.posterior = data.posterior.assign_coords(participant=["01", "02"], level=["a", "b", "c"])
+    found = predicted_shares(data)
+    assert found.outside.tolist() == [[False] * 3, [False, True, False]]
+    assert [name for name, p in found.p_values.items() if p < 0.001] == ["02", "b"]
+    assert found.p_values["01"] > 0.5
+
+
+def test_tilts_are_found_where_people_have_them() -> None:
+    known, p = tilts(fit_joint(answers(tilt=0.2)).population)
+    assert p < 0.001
+    signs = [(-1) ** k for k in range(len(FACTORS))]
+    middle = 0.2 * np.mean(signs)  # the curve has the mean tilt
+    for (tilt, error), sign in zip(known.values(), signs, strict=True):
+        assert abs(tilt - (0.2 * sign - middle)) < 2 * error + 0.06
+    assert tilts(fit_joint(answers()).population)[1] > 0.5
+
+
+def test_other_priors_weigh_the_nodes_as_a_fit_with_them_does(calibration: Calibration) -> None:
+    joint = calibration.models.joint
+    assert joint is not None
+    scales = PriorScales(participant_sd=0.15, level_sd=0.1, deviation=0.2)
+    weighed, fitted = joint.population.reweighed(scales), joint.refit(joint.options, scales)
+    means = [
+        sum(w * node.spread.participant_sd for w, node in zip(own.weights, own.nodes, strict=True))
+        for own in (joint.population, weighed, fitted)
+    ]
+    assert means[1] == pytest.approx(means[2], rel=0.03)
+    assert means[1] < 0.95 * means[0]
+
+
+@pytest.mark.parametrize("sigmoid", Sigmoid)
+def test_a_sigmoid_is_at_75_percent_at_its_threshold_and_rises_by_90_percent_over_its_width(
+    sigmoid: Sigmoid,
+) -> None:
+    def shares(x: list[float]) -> Any:
+        return special.expit(ln_odds(np.array(x), np.log(1.6), np.array(0.1), sigmoid))
+
+    middle = float(shares([0.0])[0])
+    assert 0.1 + 0.9 * middle == pytest.approx(0.75)
+    x = np.linspace(-3, 3, 6001)
+    rises = shares(x.tolist())
+    ends = np.interp([0.05, 0.95], rises, x)
+    assert ends[1] - ends[0] == pytest.approx(1.6, abs=1e-3)
+    known = {
+        Sigmoid.LOGISTIC: special.logit,
+        Sigmoid.NORMAL: special.ndtri,
+        Sigmoid.WEIBULL: lambda share: np.log(-np.log1p(-share)),
+    }
+    bends = np.diff(known[sigmoid](rises[2000:4000]), 2)  # a line on its own scale
+    assert np.abs(bends).max() < 1e-9
+
+
+def test_another_sigmoid_can_be_asked_for_of_the_joint_model_alone_and_is_compared() -> None:
+    """The last participant did not see the brightest level."""
+    table = [
+        {"participant_id": t.participant_id, "luminance_cd_m2": t.initial_luminance,
+         "rate_cd_m2_s": t.rate, "response": t.response.value}
+        for t in answers(total=8) if (t.participant_id, t.initial_luminance) != ("05", 100.0)
+    ]  # fmt: skip
+    normal, logistic = (fit_ramps(table, sigmoid=name) for name in ("normal", "logistic"))
+    assert normal.calibration.models.joint.options.sigmoid is Sigmoid.NORMAL  # type: ignore[union-attr]
+    ratio = normal.rate_limit([10.0, 100.0]) / logistic.rate_limit([10.0, 100.0])
+    assert (np.abs(np.log(ratio)) < 0.1).all()
+    assert (ratio != 1).all()
+    people, _, sigmoids = checks_section(normal.calibration, normal.inference_data(draws=100)).tables
+    assert next(row for row in people.rows if row[0] == "05")[1] == "0 of 3"
+    assert {row[0]: row[-1] == "the limit" for row in sigmoids.rows} == {
+        "logistic": False, "normal": True, "weibull": False,
+    }  # fmt: skip
+    with pytest.raises(InputError, match="another sigmoid is for the model joint"):
+        fit_ramps(table, sigmoid="normal", model="pooled")
+
+
+def test_checks_are_refused_without_their_extra_or_a_joint_model(
+    monkeypatch: pytest.MonkeyPatch, calibration: Calibration, tmp_path: Path
 ) -> None:
     models = dataclasses.replace(calibration.models, joint=None, missing={RateLimitModel.JOINT: "too few"})
-    with pytest.raises(InputError, match="no joint model to draw from: too few"):
+    with pytest.raises(InputError, match="no joint model to check: too few"):
         inference_data(SimpleNamespace(models=models))  # type: ignore[arg-type]
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(InputError, match=r"pip install 'evenlight\[bayes\]'"):
-        RampFit(calibration).inference_data()
+        fit(tmp_path / "data", out=tmp_path / "out", checks=True)
+
+
+def test_fit_writes_draws_and_a_section_of_checks(tmp_path: Path) -> None:
+    design = RampDesign(screens=("white",), repetitions=2)
+    simulation = ViewingSimulation(3, 3, "ramp", load_display("varjo-xr3"), design)
+    simulate_viewing(simulation, tmp_path / "data")
+    fit(tmp_path / "data", out=tmp_path / "out", checks=True, quiet=True)
+    data = arviz().from_netcdf(str(tmp_path / "out" / "joint_draws.nc"))
+    joint = json.loads((tmp_path / "out" / "fit_summary.json").read_text())["joint"]
+    assert data.posterior.participant.values.tolist() == [
+        own["participant_id"] for own in joint["participants"]
+    ]
+    assert data.posterior.attrs["simulated"] == "true"
+    report = (tmp_path / "out" / "report.html").read_text()
+    for words in ("How the joint model fits", "joint_draws.nc", "mean lapse rate", "weibull", "Pareto k"):
+        assert words in report
