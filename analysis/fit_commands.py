@@ -97,6 +97,7 @@ def fit(
     if checks:
         arviz()
     if (dataset / POWER_LOG).is_file():
+        registered_in(dataset, (), preregistered)
         from evenlight.analysis.played_power.power_report import write_power_results
         from evenlight.method.preset_files import load_power_model
 
@@ -119,10 +120,11 @@ def fit(
     )
     sweeps = newest_sweeps(dataset)
     data, roll = None, undamaged_roll(dataset)
-    if not sweeps or TASK in roll.tasks:
+    ramps = not sweeps or TASK in roll.tasks
+    plans = registered_in(dataset, (TASK,) if ramps else (), preregistered)
+    if ramps:
         data = load_ramp_data(dataset, roll)
         roll = data.roll or roll
-        plans = registered_in(dataset, (TASK,), preregistered)
         data = replace(data, departures=departures_of(plans, {TASK: (data, options)}))
     with result_folder(out, "fit", force=force) as folder, shown_progress(quiet) as progress:
         results = refused = None

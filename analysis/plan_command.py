@@ -115,6 +115,8 @@ def plan(
     _refuse_options_of_others(task, [*given, "thorough"] if thorough else given)
     if quick and thorough:
         raise InputError("--quick and --thorough cannot be had together; give one of them")
+    if "analysis" in given and not preregister:
+        raise InputError("--analysis is of a pre-registration; give it together with --preregister FILE")
     from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
     from evenlight.analysis.plans.preregistration import design_to_register, register
     from evenlight.analysis.plans.ramp_plan import plan_ramps

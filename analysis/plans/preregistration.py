@@ -164,12 +164,13 @@ def registered_in(
 
 def departures_of(plans: Mapping[Path, Preregistration], runs: Mapping[str, Run]) -> tuple[str, ...]:
     """Return how what is analysed, by task, departs from what was planned."""
-    told = {}
+    told = dict[str, list[str]]()
     for file, registered in plans.items():
         if (task := registered.task) in runs:
             found = list(_departures(registered, *runs[task]))
             many = f"{len(found) or 'no'} departure{'s' * (len(found) > 1)}"
-            told[task] = [f"{many} from the pre-registration {file} of {registered.made[:10]}", *found]
+            heading = f"{many} from the pre-registration {file} of {registered.made[:10]}"
+            told.setdefault(task, []).extend((heading, *found))
     lines = {task: told.get(task, ["not pre-registered"]) for task in runs if told}
     return tuple(f"{task}: {words}" for task, own in lines.items() for words in own)
 
@@ -246,6 +247,5 @@ def _words(value: Any) -> str:
 
 
 def _main_part(version: str) -> list[str]:
-    return version.split(".")[
-        : 2 if version.startswith("0.") else 1
-    ]  # before 1.0 results may change with both
+    parts = 2 if version.startswith("0.") else 1  # before 1.0 results may change with both
+    return version.split(".")[:parts]

@@ -143,7 +143,7 @@ def notes_on_study(dataset: Path) -> Iterator[str]:
     description, file = description_of(dataset), dataset / STUDY
     if blanks := [key for key, name in STUDY_KEYS.items() if not description.get(name)]:
         how = "fill it in" if file.exists() else f"`evenlight new study {dataset}` writes it, to fill in"
-        yield f"{file}: no {', '.join(blanks)} told, and so none by the export; {how}"
+        yield f"{file}: says no {' and no '.join(blanks)}, so the export has none; {how}"
     licence = description.get("License", "")
     if licence and not spdx_name(licence):
         yield f"{file}: SPDX knows no licence {licence!r}; it is told as given"

@@ -144,6 +144,7 @@ def test_a_limit_of_two_intervals_is_told_right_and_not_noticed(
         caption = section(calibration, LIMIT).pictures[0].caption
         assert f"is {word} in 75 % of the trials" in caption
         assert other not in caption
+        assert "but for lapses." in " ".join(section(calibration, THRESHOLDS).paragraphs)
 
 
 def test_what_pooling_does_is_told_as_it_was_found(yes_no: Calibration, both_ways: Calibration) -> None:

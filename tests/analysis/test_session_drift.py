@@ -77,3 +77,11 @@ def test_drifts_that_differ_between_people_widen_the_interval() -> None:
     width, usual = (np.log(own.ci_high / own.ci_low) for own in (differing, alike))
     assert width > 2 * usual
     assert differing.p > 0.05
+
+
+@pytest.mark.parametrize("people", [1, 2])
+def test_where_an_interval_would_reach_beyond_a_factor_of_twenty_nothing_is_told(people: int) -> None:
+    trials = made.ramps(np.random.default_rng(3), DESIGNS["yes/no"], people)[
+        ::40
+    ]  # a ramp or two of each level
+    assert session_drift(trials, fit_thresholds_of(trials, judge=False)) is None

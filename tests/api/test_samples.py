@@ -1,12 +1,14 @@
 """Sample data: small, the same each time, labelled simulated, and analysed to what they were drawn from."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import evenlight
 from evenlight import samples
+from evenlight.data_schema.errors import InputError
 
 # tests/pipeline and tests/analysis draw the same pictures.
 pytestmark = pytest.mark.usefixtures("blank_pictures")
@@ -40,6 +42,13 @@ def test_a_table_is_the_same_each_time_and_says_that_nobody_answered(name: str) 
     found = evenlight.analyze(table)
     assert "simulated participants" in found.lead
     assert found.sections[0].simulated
+
+
+@pytest.mark.parametrize("count", [0, -1, "3", 2.5])
+def test_a_number_of_people_that_cannot_be_is_refused_by_its_name(count: Any) -> None:
+    for table in (samples.ramps, samples.ratings, samples.comparisons, samples.searches):
+        with pytest.raises(InputError, match=r"^participants must be"):
+            table(count)
 
 
 def test_the_effects_are_those_that_are_named() -> None:

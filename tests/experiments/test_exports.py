@@ -221,11 +221,11 @@ def test_authors_licence_and_ethics_of_a_new_study_reach_both_exports(
 def test_what_a_study_does_not_say_is_told_and_not_made_up(lab: Path, tmp_path: Path, command: Run) -> None:
     """A data set of an earlier version has no study.toml; another has one that is not filled in."""
     without = command("export", lab, "--to", "bids", "--out", tmp_path / "without")
-    assert "no authors, licence, ethics told" in without.err
+    assert "says no authors and no licence and no ethics, so the export has none" in without.err
     assert f"evenlight new study {lab}" in without.err
     assert command("new", "study", lab).code == 0
     blank = command("export", lab, "--out", tmp_path / "blank")
-    assert "no authors, licence, ethics told" in blank.err
+    assert "says no authors and no licence and no ethics, so the export has none" in blank.err
     for folder in ("without", "blank"):
         told = json.loads((tmp_path / folder / "dataset_description.json").read_text())
         assert not {"Authors", "License", "EthicsApprovals", "author", "license"} & set(told)

@@ -22,6 +22,7 @@ from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.analysis.session_loading import load_task
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimitModel
+from evenlight.data_schema.recordings.dataset_layout import POWER_LOG
 from evenlight.data_schema.recordings.study import read_preregistration
 from evenlight.data_schema.recordings.viewing import RatingTrial
 from evenlight.data_schema.result_request import ResultRequest
@@ -141,6 +142,10 @@ def test_departures_come_first_on_the_terminal_in_the_report_and_the_summary(lab
         assert titles[0].startswith("Departures from the pre-registration")
     assert command("export", lab, "--to", "bids", "--out", lab.parent / "bids").code == 0
     assert (lab.parent / "bids" / FILE).read_bytes() == (lab / FILE).read_bytes()
+    shutil.copy(lab / FILE, lab / "preregistration-2.md")
+    plans = registered_in(lab, ("ramp",))
+    assert len(departures_of(plans, {"ramp": (load_ramp_data(lab), JOINT)})) == 4  # two of each
+    (lab / "preregistration-2.md").unlink()
     (lab / FILE).unlink()
     assert registered_in(lab, ("ramp",)) == {}
 
@@ -215,6 +220,16 @@ def test_what_cannot_be_registered_is_refused(
     monkeypatch.setattr("evenlight.analysis.plans.ramp_plan.plan_ramps", lambda *_: pytest.fail("simulated"))
     ended = command("plan", "ramp", "--out", "plan", "--preregister", *words)
     assert (ended.code, said in ended.err, Path("new.md").exists()) == (2, True, False), ended.err
+
+
+def test_what_would_not_be_used_is_refused(lab: Path, tmp_path: Path, command: Run) -> None:
+    words = ("plan", "ramp", "--quick", "--quiet", "--participants", "2", "--trials", "12")
+    ended = command(*words, "--analysis", lab, "--out", tmp_path / "plan")
+    assert (ended.code, "--preregister FILE" in ended.err, (tmp_path / "plan").exists()) == (2, True, False)
+    (tmp_path / "played").mkdir()
+    (tmp_path / "played" / POWER_LOG).touch()
+    ended = command("fit", tmp_path / "played", "--preregistered", lab / FILE, "--out", tmp_path / "fit")
+    assert (ended.code, "ramp, which is not analysed here" in ended.err) == (2, True), ended.err
 
 
 def test_the_text_says_what_the_plan_the_design_and_the_study_say(planned: Path) -> None:

@@ -330,7 +330,7 @@ def _heading(fits: Sequence[ThresholdFit], simulated: bool) -> tuple[str, str]:
     return f"How often {what} is {verb}", (
         f"{who}, {ramps}{catch}. Above each panel: screen and brightness factor, initial luminance"
         f"{', direction and duration' if several else ''}, and the rate {verb} in "
-        f"{100 * THRESHOLD_PROBABILITY:.0f} % of the trials ({known}).{below}"
+        f"{100 * THRESHOLD_PROBABILITY:.0f} % of the trials, but for lapses ({known}).{below}"
     )
 
 

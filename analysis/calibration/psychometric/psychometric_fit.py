@@ -57,7 +57,7 @@ class PsychometricFit:
     """The posterior of one psychometric function."""
 
     counts: RampCounts  # the answers it was fitted to
-    function: PsychometricFunction  # of the posterior means; it runs through 75 % at the threshold
+    function: PsychometricFunction  # of the posterior means; 75 % at the threshold, but for lapses
     ln_threshold: ParameterEstimate  # ln(cd/m^2/s)
     ln_width: ParameterEstimate
     guess_rate: ParameterEstimate

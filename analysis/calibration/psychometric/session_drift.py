@@ -10,7 +10,7 @@ from scipy import stats
 
 from evenlight.analysis.calibration.psychometric.ramp_counts import TrialKey, key_of_trial, level_of_trial
 from evenlight.analysis.calibration.psychometric.thresholds import (
-    LEAST_INFORMATION,
+    LARGEST_LN_RATIO,
     ThresholdFit,
     drift_score,
     level_of_fit,
@@ -36,7 +36,7 @@ class SessionDrift:
 
 
 def session_drift(trials: Sequence[RampTrial], fits: Iterable[ThresholdFit]) -> SessionDrift | None:
-    """Return the drift within sessions, to first order; None where too few answers tell.
+    """Return the drift within sessions, to first order; None where it is not known to a factor of 20.
 
     Participants' own drifts are averaged with their information as weights. Where they scatter more than
     their answers explain, the scatter makes the error, and Student's t the interval.
@@ -58,13 +58,16 @@ def session_drift(trials: Sequence[RampTrial], fits: Iterable[ThresholdFit]) -> 
         people.setdefault(key[0], []).append(drift_score(*timed_answers(function, ramps[key], times)))
     score, known = np.array([np.sum(own, axis=0) for own in people.values()]).T
     score, known = score[known > 0], known[known > 0]
-    if known.sum() < LEAST_INFORMATION:
+    if not known.size:
         return None
     change, df = float(score.sum() / known.sum()), known.size - 1
     scatter = float(known @ (score / known - change) ** 2) / max(df, 1)
     error = float(np.sqrt(max(scatter, 1.0) / known.sum()))
     chance = stats.t(df) if scatter > 1 else stats.norm()
-    low, high = np.exp(change + error * np.array(chance.interval(0.95))).tolist()
+    reach = error * float(chance.ppf(0.975))
+    if reach > LARGEST_LN_RATIO:
+        return None
+    low, high = float(np.exp(change - reach)), float(np.exp(change + reach))
     return SessionDrift(float(np.exp(change)), low, high, float(2 * chance.sf(abs(change) / error)))
 
 
