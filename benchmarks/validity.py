@@ -48,7 +48,7 @@ def losses_of(video: str, folder: Path, samples: int = SAMPLES) -> Iterator[tupl
     track = loaded.track
     chosen = set(np.linspace(0, len(track.times) - 1, samples).astype(int).tolist())
     display = load_display(track.header.display_name)
-    shown, geometry = seen_video(source.frames(), display, track.header.field_of_view, source.name)
+    shown, geometry = seen_video(source.frames(), display, track.header.field_of_view or 0.0, source.name)
     frames = [(k, frame.pixel_values.copy()) for k, frame in enumerate(shown) if k in chosen]
     size = frames[0][1].shape[:2]
     for name, loss in measures_on(geometry.display, (size[0], size[1])).items():

@@ -21,11 +21,10 @@ from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.preset_files import load_contrast_model, load_display
 from evenlight.stimuli.dimming_options import MIN_FACTORS
-from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.frames_in_memory import Frames, Named, frame_of, video_of
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of
-from evenlight.stimuli.video.viewing_geometry import seen_video
+from evenlight.stimuli.video.viewing_geometry import require_angle, seen_video
 
 
 @right_names
@@ -62,9 +61,8 @@ def loss_curves(
     knots = brightness_factors(number("min_factor", min_factor, *MIN_FACTORS))
     effort = AnalysisEffort(whole("jobs", jobs))
     made = provenance_now(inputs=inputs)
-    if field_of_view is not None:
-        number("field_of_view", field_of_view, NARROWEST, WIDEST)
-    degrees = field_of_view or field_of_view_of(source)
+    require_angle(field_of_view)
+    degrees = field_of_view_of(source) if field_of_view is None else field_of_view
     frames, geometry = seen_video(source.frames(), panel, degrees, source.name)
     analysis = VideoAnalysis(model, knots, actuator_of(panel, actuator), made, effort)
     return analysis.curves(frames, geometry, source.name)

@@ -101,7 +101,7 @@ def stimulus_losses(folder: Path, shown, models: list[ContrastModel]) -> dict[Ve
     lowest = float(min(own.min() for own in factors.values()))
     every = max(curves.n_frames // SAMPLED_FRAMES, 1)
     rows: dict[Version, list[list[float]]] = {version: [] for version in Version}
-    frames, _ = seen_video(video.frames(), curves.display, curves.field_of_view, video.name)
+    frames, _ = seen_video(video.frames(), curves.display, curves.field_of_view or 0.0, video.name)
     measures: list[OneFactorLoss] = []
     for number, frame in enumerate(frames):
         if number % every == every // 2:

@@ -43,6 +43,7 @@ from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit
 from evenlight.stimuli.dimmed.track_fit import require_fit, require_times
 from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.viewing_geometry import PIXEL_FOR_PIXEL
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -81,7 +82,7 @@ def judge_track(
         display,
         Request(made.budget, made.budget_unit, *presets),
         min_factor=min(LOWEST_FACTOR, constant, float(track.factors.min())),
-        field_of_view=made.field_of_view,
+        field_of_view=made.field_of_view or PIXEL_FOR_PIXEL,
         actuator=made.actuator,
         effort=effort,
         cached=cached,

@@ -132,7 +132,7 @@ def _emitted(
     source: VideoSource, display: Display, field_of_view: float | None, numbers: range
 ) -> tuple[Light, float]:
     """Return the light of frames at full brightness, averaged to few pixels, and their pixels per degree."""
-    shown, geometry = seen_video(frames_at(source, numbers), display, field_of_view, source.name)
+    shown, geometry = seen_video(frames_at(source, numbers), display, field_of_view or 0.0, source.name)
     display, (width, height) = geometry.display, geometry.shown_size
     fewer = min((MOST_PIXELS / (height * width)) ** 0.5, 1.0)
     size = max(round(height * fewer), 1), max(round(width * fewer), 1)

@@ -73,15 +73,15 @@ class Dimmed(WithinLimit, OnDisplay):
     field_of_view: Annotated[
         float | None,
         viewing(
-            help="Visual angle that the width of the video spans. Otherwise as it was rendered for, or one "
-            "pixel of the video on each pixel of the display."
+            help="Visual angle that the width of the video spans; 0: pixel for pixel. Otherwise as it was "
+            "rendered for, or full screen on a flat display of known size."
         ),
     ] = None
     fps: FpsOption = None
 
     def check(self) -> None:
         """Refuse, in one line, what no video can be dimmed with."""
-        from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
+        from evenlight.stimuli.video.viewing_geometry import require_angle
 
         for one in fields(self):
             if isinstance(one.default, bool):
@@ -89,8 +89,7 @@ class Dimmed(WithinLimit, OnDisplay):
         number("min_factor", self.min_factor, *MIN_FACTORS)
         if self.fps is not None:
             number("fps", self.fps)
-        if self.field_of_view is not None:
-            number("field_of_view", self.field_of_view, NARROWEST, WIDEST)
+        require_angle(self.field_of_view)
 
     def within(self, budget: float, unit: Member[BudgetUnit], display: Display) -> Request:
         """Return a request within the rate limit, which has to be one that may be used on the display."""

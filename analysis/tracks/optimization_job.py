@@ -61,7 +61,7 @@ class OptimizationJob:
     seed: int = 1
     min_factor: float = 0.2
     calm: float = 0.0
-    field_of_view: float | None = None  # None: that which the video was rendered for, else pixel for pixel
+    field_of_view: float | None = None  # None: that which the video was rendered for, else full screen
     actuator: Actuator = Actuator.BACKLIGHT
     curves: Path | None = None
     effort: AnalysisEffort = ONE_CORE
@@ -79,7 +79,7 @@ class OptimizationJob:
 
     @property
     def seen_at(self) -> float | None:
-        """Degrees that the video's width spans, as asked or as it was rendered for; None: pixel for pixel."""
+        """Degrees that the video's width spans, as asked or as it was rendered for; None: full screen."""
         return field_of_view_of(self.source) if self.field_of_view is None else self.field_of_view
 
     @property

@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from evenlight.data_schema.arguments import number
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.frame import Frame
@@ -18,6 +19,8 @@ from evenlight.stimuli.sequence_format import NARROWEST, WIDEST
 from evenlight.stimuli.video.frame_conversion import coarser
 
 ROUNDING = 1e-9  # relative, of a field of view that is computed from pixels per degree
+ROUNDED_SIZE = 1e-3  # relative, of one that is computed from a display's size and distance
+PIXEL_FOR_PIXEL = 0.0  # a field of view that may be asked
 
 
 def pixels_per_degree_in(field_of_view: float, width: int) -> float:
@@ -36,6 +39,27 @@ def field_of_view_on(display: Display, width: int) -> float:
     90.0
     """
     return 2 * math.degrees(math.atan(math.radians(width / 2 / display.pixels_per_degree)))
+
+
+def require_angle(field_of_view: float | None) -> None:
+    """Raise `ArgumentError` if that is no field of view that may be asked."""
+    if field_of_view is not None and number("field_of_view", field_of_view) != PIXEL_FOR_PIXEL:
+        number("field_of_view", field_of_view, NARROWEST, WIDEST)
+
+
+def full_screen(display: Display, size: tuple[int, int]) -> float | None:
+    """Return the angle that a video's width spans on a flat display that it fills, as far as it fits [deg].
+
+    None, if the display's size or distance is not known, as of a headset.
+
+    >>> tv = Display("tv", 400.0, 0.1, 2.2, 60.0, size=(1200.0, 675.0), viewing_distance=2.4)
+    >>> round(full_screen(tv, (1920, 1080)), 2), round(full_screen(tv, (1440, 1080)), 2)  # bars at the sides
+    (28.07, 21.24)
+    """
+    if display.size is None or display.viewing_distance is None:
+        return None
+    width = min(display.size[0], display.size[1] * size[0] / size[1])
+    return 2 * math.degrees(math.atan(width / 2 / (1000 * display.viewing_distance)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +113,8 @@ def viewing_geometry(
     size, display : (int, int), Display
         Width and height of the video [pixels]; what it is shown on.
     field_of_view : float or None
-        What its width spans [deg]; None: it is shown pixel for pixel.
+        What its width spans [deg], or `PIXEL_FOR_PIXEL`; None: it fills the display, if that is flat and its
+        size is known, else it is shown pixel for pixel.
     video : str
         Its name, for messages.
 
@@ -98,14 +123,16 @@ def viewing_geometry(
     InputError
         If no flat picture spans that, or too few pixels are left to analyse.
     """
-    if field_of_view is None:
+    rounding = ROUNDING if field_of_view is not None else ROUNDED_SIZE
+    field_of_view = full_screen(display, size) if field_of_view is None else field_of_view
+    if not field_of_view:
         return ViewingGeometry(display, None, size, size)
     if not NARROWEST <= field_of_view <= WIDEST:
         within = f"in {NARROWEST:g} to {WIDEST:g} degrees"
         raise ArgumentError("field_of_view", f"must lie {within}, got {field_of_view:g}")
     (width, height), finest = size, display.pixels_per_degree
     density = pixels_per_degree_in(field_of_view, width)
-    if math.isclose(density, finest, rel_tol=ROUNDING):
+    if math.isclose(density, finest, rel_tol=rounding):
         return ViewingGeometry(display, field_of_view, size, size)
     if density < finest:
         return ViewingGeometry(replace(display, pixels_per_degree=density), field_of_view, size, size)

@@ -48,6 +48,3 @@ def test_all_are_listed_and_one_with_its_sources(command: Callable[..., Any]) ->
     one = command("displays", "laptop-lcd").out
     assert "laptopmedia.com" in one
     assert "power model  none" in one
-    refused = command("displays", "laptop")
-    assert (refused.code, refused.err.count("\n")) == (2, 1)
-    assert "did you mean 'laptop-lcd'" in refused.err

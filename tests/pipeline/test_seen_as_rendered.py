@@ -8,10 +8,12 @@ import pytest
 from optimized_videos import frames_of, texture
 
 import evenlight
+from evenlight.data_schema.display import pixels_per_degree_at
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
 from evenlight.stimuli.sequences import built_in_sequence, open_video
+from evenlight.stimuli.video.viewing_geometry import viewing_geometry
 from evenlight.stimuli.video_writer import write_video
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
@@ -47,6 +49,21 @@ def test_frames_of_which_nothing_is_known_are_taken_pixel_for_pixel(sequence) ->
     made = evenlight.optimize(list(sequence.frames()), 0.5)
     assert made.track.header.field_of_view is None
     assert made.track.header.pixels_per_degree == PANEL.pixels_per_degree
+
+
+def test_a_film_fills_a_flat_display_of_known_size_unless_another_angle_is_asked(sequence) -> None:
+    """1200 mm at 2.4 m; 4:3 leaves bars, and 900 mm. No more pixels are left than the display has."""
+    tv = replace(PANEL, resolution=(1920, 1080), size=(1200.0, 675.0), viewing_distance=2.4)
+    tv = replace(tv, pixels_per_degree=pixels_per_degree_at(tv.resolution, tv.size, 2.4))
+    seen = [viewing_geometry(s, tv, None, "a") for s in ((1920, 1080), (3840, 2160), (1440, 1080), (96, 54))]
+    assert [one.shown_size for one in seen] == [(1920, 1080), (1920, 1080), (1440, 1080), (96, 54)]
+    wide = [2 * np.degrees(np.arctan(width / 4.8)) for width in (1.2, 1.2, 0.9, 1.2)]
+    assert [one.field_of_view for one in seen] == pytest.approx(wide)
+    frames = list(sequence.frames())
+    curves = [evenlight.loss_curves(frames, display=tv, field_of_view=asked) for asked in (None, wide[0], 0)]
+    assert [one.field_of_view for one in curves] == [pytest.approx(wide[0])] * 2 + [None]
+    np.testing.assert_array_equal(curves[0].loss, curves[1].loss)
+    assert evenlight.loss_curves(sequence, display=tv).field_of_view == 90  # its own
 
 
 def test_the_file_of_a_sequence_gives_its_track(sequence, rendered) -> None:
