@@ -143,12 +143,15 @@ class Display:
         Raises
         ------
         InputError
-            If the file exists or cannot be written.
+            If the file exists or cannot be written, or its name ends otherwise.
         """
         from evenlight.data_schema.arguments import path
+        from evenlight.data_schema.errors import ArgumentError
         from evenlight.data_schema.storage.text_files import write_toml_record
         from evenlight.data_schema.storage.whole_files import require_free
 
+        if path("file", file).suffix != ".toml":
+            raise ArgumentError("file", f"must end in .toml, got {file}")
         require_free(path("file", file), force=force)
         write_toml_record(path("file", file), self)
 

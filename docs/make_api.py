@@ -42,7 +42,8 @@ HEAD = """# The Python interface
 `import evenlight` gives these names; each is loaded when it is first used. Quantities are in cd/m², s, Hz, W,
 degrees and cycles per degree; arrays are NumPy's, tables are pandas'. Bad input raises `InputError`, with one
 line that says what was wrong, what was got, and what would be right. Scripts that use it stand in
-[examples/](../examples/). This page is generated from the docstrings (`python docs/make_api.py`).
+[examples/](../examples/). To try things, `evenlight.samples` makes a `clip()`, and simulated tables
+`ramps()`, `ratings()`, `comparisons()` and `searches()`. This page is generated from the docstrings (`python docs/make_api.py`).
 """
 
 

@@ -76,7 +76,8 @@ def ramps(participants: int = 8) -> pd.DataFrame:
             eye = PsychometricFunction(sensitivity * float(limit(luminance)), 1.6, 0.05, 0.02)
             seen = rng.random() < float(yes_probability(rate * luminance, eye))
             answer = "yes" if seen else "no"
-            rows.append(_row(who, luminance_cd_m2=luminance, rate_cd_m2_s=rate * luminance, response=answer))
+            shown = {"luminance_cd_m2": luminance, "rate_cd_m2_s": rate * luminance, "duration_s": 5.0}
+            rows.append(_row(who, **shown, response=answer))
     return pd.DataFrame(rows)
 
 
@@ -106,10 +107,11 @@ def comparisons(participants: int = 20) -> pd.DataFrame:
     """
     rng = np.random.default_rng(SEED + 2)
     return pd.DataFrame(
-        _row(who, sequence=sequence, ours_interval=interval, response=str(rng.choice(["first", "second"])))
+        _row(who, trial_index=2 * k + n, sequence=sequence, ours_interval=interval, response=str(answer))
         for who in _people(participants)
-        for sequence in SEQUENCES
-        for interval in rng.permutation([1, 2]).tolist()
+        for k, sequence in enumerate(SEQUENCES)
+        for n, interval in enumerate(rng.permutation([1, 2]).tolist())
+        for answer in [rng.choice(["first", "second"])]
     )
 
 

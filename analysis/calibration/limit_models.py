@@ -166,6 +166,7 @@ def _with_function(fit: RateLimitFit, joint: JointFit | None) -> RateLimitFit:
 
 def _joint_options(answers: Answers, options: RateLimitOptions) -> RateLimitOptions:
     """Return the joint model's options; with one or two levels the shape is no question."""
+    options = dataclasses.replace(options, model=RateLimitModel.JOINT)
     levels = min(_levels(answers.thresholds), len(set(joined_luminances(answers.thresholds))))
     if options.form is None and options.degree is None and levels in FEW_LEVELS:
         return dataclasses.replace(options, form=RateLimitForm.LOG_LOG, degree=levels - 1)

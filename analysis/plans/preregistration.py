@@ -13,6 +13,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from evenlight.analysis.calibration.psychometric.serial_dependence import CLEAR_REPEATS
 from evenlight.analysis.calibration.psychometric.thresholds import MAX_FALSE_ALARM_RATE
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, default_model
 from evenlight.analysis.dataset_findings import AnalysisOptions
@@ -31,12 +32,7 @@ from evenlight.data_schema.recordings.ramp import Placement, RampDesign
 from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE
 from evenlight.data_schema.recordings.roll_call import RollCall, SessionUse
 from evenlight.data_schema.recordings.session import Design, SessionManifest
-from evenlight.data_schema.recordings.study import (
-    Preregistration,
-    digest_of,
-    read_preregistration,
-    study_of,
-)
+from evenlight.data_schema.recordings.study import Preregistration, digest_of, read_preregistration, study_of
 from evenlight.data_schema.result_request import REQUEST, ResultRequest
 from evenlight.data_schema.storage.text_files import read_toml_record
 from evenlight.data_schema.storage.whole_files import write_whole
@@ -102,9 +98,8 @@ def register(
     elif isinstance(question, SearchTruth):
         how = AnalysisOptions(slowing=round(question.margin - 1, 9))
     n, display = max(filter(None, needed)), load_display(ramp.display).name if ramp else ""
-    origin = provenance_now(
-        plan.provenance.seed, {f"design {design[0]}": digest_of(mapping_from_record(design[1]))}
-    )
+    inputs = {f"design {design[0]}": digest_of(mapping_from_record(design[1]))}
+    origin = provenance_now(plan.provenance.seed, inputs)
     options = options_of(question.task, how)
     registered = Preregistration(question.task, made, n, design[1], display, options, origin)
     text = prose(
@@ -121,6 +116,7 @@ def register(
             (file_key(f), _words(getattr(design[1], f.name)), f.metadata["doc"]) for f in fields(design[1])
         ],
         usual=options_of("ramp", RateLimitOptions()),
+        clear_repeats=CLEAR_REPEATS,
         most_false_alarms=MAX_FALSE_ALARM_RATE,
         concerns=[kind.value for kind in ConcernKind],
     )
@@ -189,10 +185,11 @@ def _departures(registered: Preregistration, data: TaskData[Any], how: How) -> I
     if off := [f"{who} ({n} of {planned[who]})" for who, n in shown.items() if n != planned[who]]:
         yield f"other numbers of trials that count than planned: participant {first_few(off)}"
     yield from _differences(registered, manifests)
-    only, now = _only_ones(registered.design), options_of(registered.task, how)
-    for name in sorted(now.keys() | registered.options.keys()):
-        is_, was = now.get(name, only.get(name)), registered.options.get(name, only.get(name))
-        if is_ != was:
+    usual = _only_ones(registered.design) | options_of(registered.task, type(how)())
+    now = usual | options_of(registered.task, how)
+    planned_so = usual | registered.options  # an earlier version has no option that came later
+    for name in sorted(now.keys() | planned_so.keys()):
+        if (is_ := now.get(name)) != (was := planned_so.get(name)):
             yield f"analysed with {name} {_words(is_)} instead of {_words(was)}"
     if before := [m.participant_id for m in manifests if m.started and m.started < registered.made]:
         yield f"collected before it was written: participant {first_few(before)}"

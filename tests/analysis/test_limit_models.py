@@ -23,7 +23,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import record_from_mapping
 from evenlight.data_schema.provenance import Provenance
-from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitForm, RateLimitModel
+from evenlight.data_schema.rate_limit import BandKind, RateLimit, RateLimitForm, RateLimitModel, Sigmoid
 from evenlight.data_schema.recordings.ramp import Direction, RampTrial, Response
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 from evenlight.method.rate_limit import rate_limit_at, require_known, scalar_rate_limit
@@ -233,6 +233,10 @@ def test_pooled_answers_leave_nobody_out() -> None:
     )
     pooled = fitted(rows, RateLimitOptions(model=RateLimitModel.POOLED))
     assert pooled.excluded_participants == {}
+    # The joint model stands beside it, and is refitted with another sigmoid where it is checked.
+    assert pooled.models.joint is not None
+    other = dataclasses.replace(pooled.models.joint.options, sigmoid=Sigmoid.NORMAL)
+    assert other.model is RateLimitModel.JOINT
 
 
 def test_a_band_too_wide_for_use_is_the_first_warning(joint: Calibration) -> None:

@@ -17,6 +17,8 @@ def test_a_display_is_shown_saved_and_read_back(tmp_path: Path) -> None:
     assert evenlight.load_display(tmp_path / "own.toml") == display
     with pytest.raises(evenlight.InputError, match="is there already"):
         display.save(tmp_path / "own.toml")
+    with pytest.raises(evenlight.InputError, match=r"must end in \.toml"):
+        display.save(tmp_path / "own.json")
 
 
 def test_a_rate_limit_is_shown_with_its_band() -> None:

@@ -1,5 +1,6 @@
 """Sample data: small, the same each time, labelled simulated, and analysed to what they were drawn from."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -42,6 +43,17 @@ def test_a_table_is_the_same_each_time_and_says_that_nobody_answered(name: str) 
     found = evenlight.analyze(table)
     assert "simulated participants" in found.lead
     assert found.sections[0].simulated
+
+
+@pytest.mark.parametrize(
+    ("name", "task"), [("ratings", "rating"), ("comparisons", "comparison"), ("searches", "search")]
+)
+def test_a_table_that_is_kept_is_imported_as_it_stands(
+    tmp_path: Path, command: Callable[..., Any], name: str, task: str
+) -> None:
+    getattr(samples, name)(3).to_csv(tmp_path / "kept.csv", index=False)
+    ended = command("import", tmp_path / "kept.csv", "--task", task, "--out", tmp_path / "lab")
+    assert (ended.code, "simulated: all rows say so" in ended.out) == (0, True), ended.err
 
 
 @pytest.mark.parametrize("count", [0, -1, "3", 2.5])

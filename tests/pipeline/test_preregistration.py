@@ -109,6 +109,7 @@ def cut(lab: Path) -> None:
                 ramp_duration=SHORT.ramp_durations[0],
             ), [],
         ),
+        (("options", {"model": "joint", "band_level": 0.95}), JOINT, []),  # before there were others
         (None, RateLimitOptions(ramp_duration=9.0), ["analysed with ramp_duration 9.0 instead of 5.0"]),
         (began, JOINT, ["collected before it was written: participant 02"]),
         (("provenance.software_version", "3.0.0"), JOINT, ["with Evenlight 0.1.0 instead of 3.0.0"]),
@@ -237,7 +238,8 @@ def test_the_text_says_what_the_plan_the_design_and_the_study_say(planned: Path)
     for words in (
         "- Authors: A. Reed\n", "- Licence of the data: CC0-1.0\n", "12 ramps at each luminance",
         "- Ethics approval: [to be filled in: committee, number, date]", "\n`evenlight fit planned",
-        "4 participants. That number is given",
+        "4 participants. That number is given", "in 75 % of the ramps, but for lapses.",
+        "the last answer is given again beyond chance (p < 0.001)", "planned half-width of a pointwise one ",
     ):  # fmt: skip
         assert words in text
     assert read_preregistration(planned / FILE).design == SHORT
