@@ -76,8 +76,7 @@ def ramps(participants: int = 8) -> pd.DataFrame:
             eye = PsychometricFunction(sensitivity * float(limit(luminance)), 1.6, 0.05, 0.02)
             seen = rng.random() < float(yes_probability(rate * luminance, eye))
             answer = "yes" if seen else "no"
-            shown = {"luminance_cd_m2": luminance, "rate_cd_m2_s": rate * luminance, "duration_s": 5.0}
-            rows.append(_row(who, **shown, response=answer))
+            rows.append(_row(who, luminance_cd_m2=luminance, rate_cd_m2_s=rate * luminance, response=answer))
     return pd.DataFrame(rows)
 
 

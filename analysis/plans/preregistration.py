@@ -98,10 +98,11 @@ def register(
     elif isinstance(question, SearchTruth):
         how = AnalysisOptions(slowing=round(question.margin - 1, 9))
     n, display = max(filter(None, needed)), load_display(ramp.display).name if ramp else ""
-    inputs = {f"design {design[0]}": digest_of(mapping_from_record(design[1]))}
+    name, shown = design
+    inputs = {f"design {name}": digest_of(mapping_from_record(shown))}
     origin = provenance_now(plan.provenance.seed, inputs)
     options = options_of(question.task, how)
-    registered = Preregistration(question.task, made, n, design[1], display, options, origin)
+    registered = Preregistration(question.task, made, n, shown, display, options, origin)
     text = prose(
         "preregistration",
         r=registered,
@@ -112,9 +113,7 @@ def register(
         tests=tests,
         single=single,
         people=people_in_words,
-        keys=[
-            (file_key(f), _words(getattr(design[1], f.name)), f.metadata["doc"]) for f in fields(design[1])
-        ],
+        keys=[(file_key(f), _words(getattr(shown, f.name)), f.metadata["doc"]) for f in fields(shown)],
         usual=options_of("ramp", RateLimitOptions()),
         clear_repeats=CLEAR_REPEATS,
         most_false_alarms=MAX_FALSE_ALARM_RATE,
@@ -129,9 +128,8 @@ def _fit_options(result: str) -> RateLimitOptions:
     """Return the options that an earlier result of `fit` was asked for; without one the usual."""
     asked = read_toml_record(ResultRequest, Path(result) / REQUEST).asked if result else {}
     kinds = type_hints(RateLimitOptions)
-    told = {
-        name: typed(kinds[name], asked[name], f"{result}: {name}") for name in kinds.keys() & asked.keys()
-    }
+    known = kinds.keys() & asked.keys()
+    told = {name: typed(kinds[name], asked[name], f"{result}: {name}") for name in known}
     return RateLimitOptions(**{"model": default_model(told.get("form")), **told})
 
 
