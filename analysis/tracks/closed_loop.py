@@ -17,7 +17,7 @@ from evenlight.analysis.report_prose import section
 from evenlight.analysis.report_sections import CLAIM, files_section, provenance_section
 from evenlight.analysis.results import Analysis
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
-from evenlight.analysis.tracks.price_figure import ABOUT
+from evenlight.analysis.tracks.price_figure import about
 from evenlight.analysis.tracks.track_results import run_optimization
 from evenlight.analysis.tracks.track_words import (
     detection_in_words,
@@ -93,7 +93,7 @@ def _report(
     track, simulated = folder / TRACK, calibration.data.simulated
     curve, thresholds, _ = found.sections  # not every threshold
     made = track_section(summary, (track / "track.png").read_bytes(), simulated)
-    price = Picture((track / "price.png").read_bytes(), ABOUT)
+    price = Picture((track / "price.png").read_bytes(), about(summary))
     return Report(
         "From ramps to a brightness track",
         cautious(calibration.concerns, first_words(summary)),

@@ -24,9 +24,15 @@ from evenlight.method.optimizer.splitting import SplittingSolver
 
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)  # of detections at the limit
 ABOUT = (
-    "Gain: how much less uneven frames lose contrast than with constant dimming at equal power. Below: in "
-    "how many periods as long as a ramp of the calibration who watches a plain screen notices a change."
+    "Gain: how much less uneven frames lose contrast than with constant dimming at equal power. Below: the "
+    "share of periods, as long as the calibration's ramps, in which a viewer of a plain screen sees a change."
 )
+
+
+def about(summary: OptimizationSummary) -> str:
+    """Return what the figure shows, and what of people is assumed for it."""
+    assumed = summary.watched.assumed if summary.watched else ""
+    return f"{ABOUT} Assumed: {assumed}." if assumed else ABOUT
 
 
 @one_blas_thread
@@ -50,7 +56,8 @@ def price_figure(job: OptimizationJob, clips: Sequence[LossCurves], summary: Opt
     gains = [(share, 1 - ours / constant if constant > 0 else 0.0) for share, ours, constant, _ in found]
     with style.look():
         title = f"The price of invisibility: {clipped(summary.video, 40)}"
-        figure, panels = style.panels(title, ABOUT, [["gain"], ["periods"]], [15.0, 12.0], sharex=True)
+        rows = [["gain"], ["periods"]]
+        figure, panels = style.panels(title, about(summary), rows, [15.0, 12.0], sharex=True)
         plots = {
             name: Plot(axes, name, Origin.COMPUTED, ("noticed at the limit", "%", y, "%"))
             for (name, axes), y in zip(panels.items(), ("gain", "periods noticed"), strict=True)
@@ -68,7 +75,7 @@ def price_figure(job: OptimizationJob, clips: Sequence[LossCurves], summary: Opt
             axes.axvline(100 * own, color=style.MUTED, linestyle="--", zorder=0, label="this track")
             style.legend_above(axes)
     points = (point for plot in plots.values() for point in plot.points)
-    return Drawing("price", figure, ABOUT, tuple(points))
+    return Drawing("price", figure, about(summary), tuple(points))
 
 
 def _draw(plot: Plot, name: str, colour: str, places: Sequence[tuple[float, float]]) -> None:

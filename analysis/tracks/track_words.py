@@ -91,9 +91,9 @@ def compared(ours: float, constant: float) -> str:
 
 
 def gain_in_words(summary: OptimizationSummary) -> tuple[str, ...]:
-    """Return what a track saves, costs and gains, and who notices it, in three to seven lines."""
+    """Return what a track saves, costs and gains, and who notices it, in three to eight lines."""
     gained = _saving(summary), _cost(summary), _minimized(summary), evenness(summary), _off_budget(summary)
-    lines = (*gained, _watched(summary))
+    lines = (*gained, *_watched(summary))
     return *(line for line in lines if line), *(() if summary.film is None else summary.film.notes)
 
 
@@ -327,21 +327,22 @@ def noticed(summary: OptimizationSummary) -> str:
     )
 
 
-def _watched(summary: OptimizationSummary) -> str:
-    """Return the same with what a period and who a sensitive person is, and what is assumed of people."""
+def _watched(summary: OptimizationSummary) -> tuple[str, ...]:
+    """Return the same, then what a period and who a sensitive person is, and what is assumed of people."""
     seen = summary.watched
     if seen is None:
-        return ""
-    moved = "" if summary.noticed is None else f"; its limit is for {100 * summary.noticed:g} % noticed"
-    each = f"periods of {summary.duration / seen.periods:.2g} s, 5 % of people are as sensitive"
+        return ()
+    each = f"a period is {summary.duration / seen.periods:.2g} s long, and 5 % of people are as sensitive"
     assumed = f"; assumed: {seen.assumed}" if seen.assumed else ""
-    return f"watched on a plain screen it is {noticed(summary)}; {each}{moved}{assumed}"
+    return f"watched on a plain screen it is {noticed(summary)}", f"{each}{assumed}"
 
 
 def rate_in_words(summary: OptimizationSummary) -> str:
     """Return how fast brightness changes at most, by which limit, and what was accepted of it."""
     procedure = summary.rate_limit_procedure
     known = [*([procedure.value] if procedure else []), *(["simulated"] if summary.simulated else [])]
+    if summary.noticed is not None:
+        known.append(f"moved to {100 * summary.noticed:g} % noticed")
     asked = f" ({', '.join(known)})" if known else ""
     accepted = ", whose wide or missing band was accepted" if summary.wide_band_accepted else ""
     allowance, ratio = summary.largest_allowance or 0.0, summary.max_rate_ratio_fitted or 0.0

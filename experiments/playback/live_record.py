@@ -68,10 +68,11 @@ class LiveDimming:
     """What dims a walk on a display: a controller within a rate limit, and what is to meet a budget."""
 
     controller: Controller
-    limit: RateLimit
+    limit: RateLimit  # that is kept to: as in its file, or for another share of detections
     curve: LimitCurve
     budget: LiveBudget | None = None
     target_loss: float | None = None  # contrast loss to hold, or to begin with
+    limit_sha256: str | None = None  # of the limit's file; None: of the limit
 
     @classmethod
     def asked_for(
@@ -87,6 +88,7 @@ class LiveDimming:
         curve = LimitCurve(live.limit_curve)
         limit = load_rate_limit(live.rate_limit)
         limit = usable_limit(limit, display, other_display_ok, live.accept_wide_band, live.noticed)
+        of_file = sha256_of_record(limit)
         if live.noticed is not None:
             limit = limit_at_share(limit, live.noticed)
         fastest = scalar_rate_limit(limit, display.reflected_luminance, curve)
@@ -95,7 +97,7 @@ class LiveDimming:
             asked = budget.settings
             request = Request(asked.budget, asked.budget_unit, budget.model, limit, curve)
             require_possible(request, settings.lowest_factor)
-        return cls(Controller(settings, fastest), limit, curve, budget, live.target_loss)
+        return cls(Controller(settings, fastest), limit, curve, budget, live.target_loss, of_file)
 
     def governor(self) -> LiveGovernor | None:
         """Return what moves the target so that the budget is met, if there is one."""
@@ -120,7 +122,8 @@ def live_control(
         Whether the user was simulated.
     """
     settings, limit, (scene, display, measured_by) = dimming.controller.settings, dimming.limit, seen
-    inputs = {"display": sha256_of_record(display), "rate_limit": sha256_of_record(limit)}
+    of_limit = dimming.limit_sha256 or sha256_of_record(limit)
+    inputs = {"display": sha256_of_record(display), "rate_limit": of_limit}
     return LiveControl(
         scene=scene,
         display=display,

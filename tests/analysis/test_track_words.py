@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from made_summary import made_summary as summary
 
+from evenlight.analysis.tracks.price_figure import ABOUT, about
 from evenlight.analysis.tracks.track_words import (
     budget_in_words,
     compared,
@@ -234,16 +235,20 @@ def test_how_near_its_limit_a_track_is_is_told_by_time(near: float, turns: float
 def test_who_notices_a_track_is_told_with_what_was_assumed_and_by_what_task() -> None:
     watched = "watched on a plain screen it is"
     by = "in 71 % of its periods by the median person, in 94 % by a sensitive one"
-    each = "periods of 5 s, 5 % of people are as sensitive"
+    each = "a period is 5 s long, and 5 % of people are as sensitive"
     known = {"duration": 40.0, "watched": WATCHED}
-    assert gain_in_words(summary(**known))[-1] == f"{watched} noticed {by}; {each}"
-    moved = gain_in_words(summary(**known, noticed=0.25))[-1]
-    assert moved == f"{watched} noticed {by}; {each}; its limit is for 25 % noticed"
-    two = gain_in_words(summary(**known, rate_limit_procedure=Procedure.TWO_INTERVAL))[-1]
+    assert gain_in_words(summary(**known))[-2:] == (f"{watched} noticed {by}", each)
+    moved = rate_in_words(summary(**known, noticed=0.25, simulated=True))
+    assert "of the rate limit 'limit' (simulated, moved to 25 % noticed)" in moved
+    two = gain_in_words(summary(**known, rate_limit_procedure=Procedure.TWO_INTERVAL))[-2]
     assert two.startswith(f"{watched} told from stillness in 71 %")
     assumed = replace(WATCHED, assumed="width 1.6")
-    told = gain_in_words(summary(duration=40.0, watched=assumed))[-1]
-    assert told == f"{watched} noticed {by} (assumed); {each}; assumed: width 1.6"
+    assert gain_in_words(summary(duration=40.0, watched=assumed))[-2:] == (
+        f"{watched} noticed {by} (assumed)",
+        f"{each}; assumed: width 1.6",
+    )
+    assert about(summary(watched=assumed)) == f"{ABOUT} Assumed: width 1.6."
+    assert about(summary(watched=WATCHED)) == ABOUT  # as the calibration tells
 
 
 @pytest.mark.parametrize(

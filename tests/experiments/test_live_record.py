@@ -5,6 +5,7 @@ import math
 import pytest
 
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.tracks.control import LiveControl, LiveRefresh
 from evenlight.experiments.playback.live_record import (
     LiveDimming,
@@ -15,6 +16,7 @@ from evenlight.experiments.playback.live_record import (
 )
 from evenlight.experiments.playback.play_options import LiveOptions
 from evenlight.method.choices import LimitCurve
+from evenlight.method.preset_files import load_rate_limit
 
 BENCH = Display("bench", 104.4, 0.2, 1.95, 72.28)
 
@@ -44,6 +46,8 @@ def test_a_walk_keeps_to_the_share_of_detections_that_is_asked_for() -> None:
     assert ratio == pytest.approx(math.exp(-1.6 * math.log(3) / (2 * math.log(19))))
     kept = live_control(half, ("house", BENCH, "cpu"), [], simulated=True)
     assert (kept.noticed, kept.rate_limit, recorded([]).noticed) == (0.5, "surace2025", None)
+    of_file = sha256_of_record(load_rate_limit("surace2025"))  # as a track's, by which the limit is found
+    assert kept.provenance.inputs["rate_limit"] == of_file == recorded([]).provenance.inputs["rate_limit"]
 
 
 def test_means_are_over_the_time_in_which_a_picture_stood() -> None:

@@ -14,7 +14,7 @@ from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.experiments.playback.live_record import LiveDimming
 from evenlight.experiments.playback.play_options import LiveOptions
-from evenlight.method.preset_files import load_display, load_rate_limit
+from evenlight.method.preset_files import load_display, load_rate_limit, usable_limit
 from evenlight.method.rate_limit import require_known
 
 pytestmark = pytest.mark.usefixtures("blank_pictures")
@@ -96,6 +96,14 @@ def test_a_ratio_of_four_is_the_widest_that_is_used() -> None:
 def test_a_band_that_reaches_zero_is_wider_than_any() -> None:
     with pytest.raises(InputError, match="from 0 to 2 cd/m"):
         require_known(with_band(0.0, 2.0))
+
+
+def test_a_band_that_a_chosen_share_widens_is_told_with_the_share() -> None:
+    """The preset's own band is of use; at 10 % its assumed width widens it, which more people don't mend."""
+    preset, display = load_rate_limit("surace2025"), load_display("varjo-xr3")
+    usable_limit(preset, display)
+    with pytest.raises(InputError, match=r"enough where 10 % is noticed: .*choose a share \(`noticed`\)"):
+        usable_limit(preset, display, noticed=0.1)
 
 
 def test_a_limit_without_a_band_passes_as_before() -> None:
