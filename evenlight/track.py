@@ -21,7 +21,7 @@ from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_results import CURVES, SUMMARY, TRACK, write_track_files
 from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
-from evenlight.data_schema.arguments import choice, numbers, path
+from evenlight.data_schema.arguments import choice, number, numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
@@ -198,7 +198,7 @@ class Track(Result):
             If it is no such array.
         """
         pixels = frame_of(frame).pixel_values
-        dimmed = pixels * pixel_scale(self.factor_at(time), display_of(self.track).gamma)
+        dimmed = pixels * pixel_scale(self.factor_at(number("time", time)), display_of(self.track).gamma)
         return (np.rint(dimmed) if pixels.dtype.kind == "u" else dimmed).astype(pixels.dtype)
 
     def apply(
