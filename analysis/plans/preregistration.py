@@ -55,8 +55,8 @@ def design_to_register(file: Path, task: str, asked: dict[str, Any]) -> tuple[st
         If the file is there or cannot be, several designs are given, or a number that the design has; or the
         earlier result, whose analysis is registered, has none.
     """
-    if file.exists() or file.suffix not in (".md", ".txt") or not file.absolute().parent.is_dir():
-        raise InputError(f"{file}: a pre-registration is a new file, .md or .txt, in a folder that is there")
+    if file.exists() or file.suffix != ".md" or not file.absolute().parent.is_dir():
+        raise InputError(f"{file}: a pre-registration is a new file, .md, in a folder that is there")
     _fit_options(asked.get("analysis", ""))
     names = asked.pop("design", None) or ["recommended" if task == "ramp" else "paper"]
     design = load_task_design(task, names[0])
