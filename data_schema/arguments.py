@@ -64,10 +64,10 @@ def positive(name: str, value: Any) -> float:
     return float(value)
 
 
-def whole(name: str, value: Any) -> int:
-    """Return the whole number that an argument holds, if it is not below 0."""
-    if isinstance(value, bool) or not isinstance(value, Integral) or value < 0:
-        raise ArgumentError(name, f"must be a whole number from 0 on, got {value!r}")
+def whole(name: str, value: Any, least: int = 0) -> int:
+    """Return the whole number that an argument holds, if it is not below the least."""
+    if isinstance(value, bool) or not isinstance(value, Integral) or value < least:
+        raise ArgumentError(name, f"must be a whole number from {least} on, got {value!r}")
     require_computable(name, int(value))
     return int(value)
 

@@ -23,7 +23,6 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from evenlight.data_schema.arguments import path, whole
-from evenlight.data_schema.errors import ArgumentError
 from evenlight.method.preset_files import load_rate_limit
 from evenlight.method.psychometric import PsychometricFunction, yes_probability
 from evenlight.stimuli.video_writer import write_video
@@ -139,9 +138,7 @@ def searches(participants: int = 20) -> pd.DataFrame:
 
 
 def _people(participants: int) -> list[str]:
-    if not whole("participants", participants):
-        raise ArgumentError("participants", "must be 1 or more, got 0")
-    return [f"{number:02d}" for number in range(1, participants + 1)]
+    return [f"{number:02d}" for number in range(1, whole("participants", participants, 1) + 1)]
 
 
 def _row(who: str, **columns: Any) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from evenlight.analysis.tracks.track_results import CURVES, SUMMARY, TRACK, writ
 from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
 from evenlight.data_schema.arguments import choice, number, numbers, path
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
 from evenlight.data_schema.storage.whole_files import require_free
@@ -174,7 +174,10 @@ class Track(Result):
         -------
         array, shape of times
         """
-        shown = np.searchsorted(self.times, numbers("times", times), side="right") - 1
+        asked = numbers("times", times)
+        if np.isnan(asked).any():
+            raise ArgumentError("times", f"must be numbers, got {times!r}")
+        shown = np.searchsorted(self.times, asked, side="right") - 1
         return np.asarray(self.factors[np.maximum(shown, 0)])
 
     def dim(self, frame: Any, time: float) -> NDArray[Any]:

@@ -23,7 +23,7 @@ from evenlight.analysis.calibration.ramp_findings import calibration_drawings, f
 from evenlight.analysis.calibration.rate_limit.conditions import condition_of
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result, write_drawing
-from evenlight.data_schema.arguments import whole
+from evenlight.data_schema.arguments import number, whole
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
@@ -99,7 +99,7 @@ class RampFit(Result):
         """
         import pandas as pd
 
-        if not 0 < proportion < 1:
+        if not 0 < number("proportion", proportion) < 1:
             raise ArgumentError("proportion", f"must lie between 0 and 1, got {proportion}")
         rows = []
         for own in self.calibration.thresholds:
@@ -188,7 +188,7 @@ class RampFit(Result):
         InputError
             If ArviZ is not installed, or there is no joint model.
         """
-        return inference_data(self.calibration, whole("draws", draws), whole("seed", seed))
+        return inference_data(self.calibration, whole("draws", draws, 1), whole("seed", seed))
 
     @property
     def heading(self) -> str:

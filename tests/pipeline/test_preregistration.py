@@ -190,10 +190,7 @@ def test_a_changed_or_foreign_file_is_refused_in_one_line(
 def test_a_changed_one_and_one_of_another_experiment_are_refused_before_the_analysis(
     lab: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def analysed(*_: object) -> None:
-        pytest.fail("analysed first")
-
-    monkeypatch.setattr(dataset_findings, "_analysed", analysed)
+    monkeypatch.setattr(dataset_findings, "_analysed", lambda *_: pytest.fail("analysed first"))
     registered(lab, "task", "rating")
     with pytest.raises(InputError, match=r"of the experiment rating, which is not analysed"):
         find_in_dataset(lab, AnalysisOptions(preregistered=lab / FILE), lab.parent)
@@ -226,9 +223,8 @@ def test_what_would_not_be_used_is_refused(lab: Path, tmp_path: Path, command: R
     words = ("plan", "ramp", "--quick", "--quiet", "--participants", "2", "--trials", "12")
     ended = command(*words, "--analysis", lab, "--out", tmp_path / "plan")
     assert (ended.code, "--preregister FILE" in ended.err, (tmp_path / "plan").exists()) == (2, True, False)
-    (tmp_path / "played").mkdir()
-    (tmp_path / "played" / POWER_LOG).touch()
-    ended = command("fit", tmp_path / "played", "--preregistered", lab / FILE, "--out", tmp_path / "fit")
+    (lab / POWER_LOG).touch()
+    ended = command("fit", lab, "--preregistered", lab / FILE, "--out", tmp_path / "fit")
     assert (ended.code, "ramp, which is not analysed here" in ended.err) == (2, True), ended.err
 
 
