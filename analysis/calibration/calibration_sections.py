@@ -48,6 +48,12 @@ def group_of(level: RampLevelKey) -> str:
     return f"{level.screen}, factor {level.factor:g}, {level.luminance:.4g} cd/m^2, {condition}"
 
 
+def level_words(level: RampLevelKey, several: bool) -> str:
+    """Return what a level is called in a table, with its condition if there are several."""
+    words = f"{level.screen}, b = {level.factor:.3g}"
+    return f"{words}, {level.direction.value}, {level.ramp_duration:g} s" if several else words
+
+
 def drawn_thresholds(calibration: Calibration) -> list[Threshold]:
     """Return the thresholds of the condition that the limit is for; others lie off it by their effect."""
     reference = calibration.rate_limit.reference
@@ -185,10 +191,9 @@ def _level_table(calibration: Calibration, rows: Rows) -> Table:
         own = of_levels[level]
         best, pooled, mean = (rows.find("thresholds", group, what) for what in (POPULATION, POOLED, MEAN))
         value = best.value if best else None
-        words = f"{level.screen}, b = {level.factor:g}"
         cells.append(
             (
-                f"{words}, {level.direction.value}, {level.ramp_duration:g} s" if several else words,
+                level_words(level, several),
                 level.luminance,
                 f"{sum(t.flag not in UNUSABLE for t in own)} of {len(own)}",
                 value,

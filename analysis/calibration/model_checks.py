@@ -17,6 +17,7 @@ from scipy import stats
 
 from evenlight.analysis import figure_style as style
 from evenlight.analysis.calibration.calibration import Calibration
+from evenlight.analysis.calibration.calibration_sections import group_of, level_words
 from evenlight.analysis.calibration.inference_data import arviz, inference_data
 from evenlight.analysis.calibration.joint.joint_fit import (
     CURVES_DRAWN,
@@ -27,17 +28,18 @@ from evenlight.analysis.calibration.joint.joint_fit import (
     simultaneous_band,
 )
 from evenlight.analysis.calibration.joint.population_curve import PopulationCurve, PriorScales
-from evenlight.analysis.report import Cell, Picture, Section, Table, probability
+from evenlight.analysis.report import Picture, Section, Table, probability
 from evenlight.analysis.report_prose import prose, section
 from evenlight.data_schema.arrays import Array, Mask
 from evenlight.data_schema.rate_limit import Sigmoid
+from evenlight.data_schema.recordings.ramp import Procedure
 
 DRAWS_COMPARED = 500  # of each other sigmoid
 UNRELIABLE_K = 0.7  # Vehtari et al. (2024), J. Mach. Learn. Res. 25(72)
 LEAST_SCATTER = 0.1  # of levels, over what the model expects
 POOR_FIT = 0.05  # over the number of people and levels that are judged
 COLUMNS, PANEL = 5, 9.0  # of the figure; height of a panel [em]
-OF_SPREADS = {
+OF_SPREADS = {  # whose scales are in ln units
     "participant_sd": "σ_u, between participants",
     "level_sd": "τ, of levels",
     "deviation": "deviation from a power law",
@@ -127,11 +129,12 @@ def _curve_and_width(population: PopulationCurve, joint: JointFit) -> tuple[Arra
     return curves[0], float(np.mean(upper - lower))
 
 
-def sigmoid_scores(calibration: Calibration, data: Any) -> list[tuple[Cell, ...]]:
+def sigmoid_scores(calibration: Calibration, data: Any) -> list[tuple[str, float, float, int, float]]:
     """Return how well each sigmoid predicts a participant's answers at a level from all others, best first.
 
     By Pareto-smoothed importance sampling of draws (PSIS-LOO, Vehtari et al. 2017, Stat. Comput. 27, 1413):
-    the score less the best one's, the standard error of that, cells with a Pareto k above 0.7, and the curve.
+    the score less the best one's, the standard error of that, cells with a Pareto k above 0.7, and the share
+    by which the curve changes where it does most, 0 for the sigmoid that was fitted.
     """
     joint, loos, moved = calibration.models.joint, {}, {}
     assert joint is not None  # there are draws from it
@@ -148,14 +151,12 @@ def sigmoid_scores(calibration: Calibration, data: Any) -> list[tuple[Cell, ...]
                 log_likelihood={"cells": own.log_likelihood.n_success.values[..., shown]}
             )
             loos[sigmoid.value] = arviz().loo(cells, pointwise=True, reff=1.0)
-        moved[sigmoid.value] = max(_curve_and_width(other, joint)[0] - first, key=abs)
-    rows: list[tuple[Cell, ...]] = []
-    best = max(loos.values(), key=lambda loo: loo.elpd_loo)
+        moved[sigmoid.value] = float(np.expm1(max(_curve_and_width(other, joint)[0] - first, key=abs)))
+    rows, best = [], max(loos.values(), key=lambda loo: loo.elpd_loo)
     for name, loo in sorted(loos.items(), key=lambda item: -item[1].elpd_loo):
         worse = (loo.loo_i - best.loo_i).values
         bad = int((loo.pareto_k > UNRELIABLE_K).sum())
-        limit = f"{100 * np.expm1(moved[name]):+.1f} %" if moved[name] else "the limit"
-        rows.append((name, f"{worse.sum():.1f}", f"{worse.std() * worse.size**0.5:.1f}", bad, limit))
+        rows.append((name, float(worse.sum()), float(worse.std() * worse.size**0.5), bad, moved[name]))
     return rows
 
 
@@ -164,42 +165,57 @@ def checks_section(calibration: Calibration, data: Any) -> Section:
     joint = calibration.models.joint
     assert joint is not None  # there are draws from it
     found, (tilted, tilt_p) = predicted_shares(data), tilts(joint.population)
-    outside, there = found.outside, np.isfinite(found.share)
+    outside, there, levels = found.outside, np.isfinite(found.share), joint.population.tables.levels
+    several = len({(level.direction, level.ramp_duration) for level in levels}) > 1
+    named = {group_of(k): f"{level_words(k, several)} ({k.luminance:.4g} cd/m²)" for k in levels}
+    p_values = {named.get(name, name): p for name, p in found.p_values.items()}
     counts = [[*of.sum(axis=1), *of.sum(axis=0)] for of in (outside, there)]
     rows = []
-    for (name, p), out, cells in zip(found.p_values.items(), *counts, strict=True):
+    for (name, p), out, cells in zip(p_values.items(), *counts, strict=True):
         tilt, error = tilted.get(name, (np.nan, np.nan))
-        words = f"{tilt:+.2f} ({tilt - 1.96 * error:+.2f} to {tilt + 1.96 * error:+.2f})"
-        rows.append((name, f"{out} of {cells}", probability(p), words if name in tilted else None))
-    by_prior = [
-        (PRIORS[name], f"× {factor:g}", f"{100 * limit:+.1f} %", f"{100 * band:+.0f} %")
-        for name, factor, limit, band in other_priors(joint)
-    ]
+        words = " to ".join(_signed(tilt + z * error, 2) for z in (-1.96, 1.96))
+        own = f"{_signed(tilt, 2)} ({words})" if name in tilted else None
+        rows.append((name, f"{out} of {cells}", probability(p), own))
+    priors, sigmoids = list(other_priors(joint)), sigmoid_scores(calibration, data)
+    by_prior, by_sigmoid = [], []
+    for name, factor, limit, band in priors:
+        sd = f"{factor * getattr(PriorScales(), name):g}, " if name in OF_SPREADS else ""
+        changes = f"{_signed(100 * limit, 1)} %", f"{_signed(100 * band, 0)} %"
+        by_prior.append((PRIORS[name], f"{sd}× {factor:g}", *changes))
+    for name, score, error, bad, limit in sigmoids:
+        change = f"{_signed(100 * limit, 1)} %" if limit else "as fitted"
+        by_sigmoid.append((name, f"{score:z.1f}".replace("-", "−"), f"{error:.1f}", bad, change))
+    columns = "prior", "scale", "change of limit", "of band's width"
     tables = (
         Table(prose("fit_checks_cells")[0], ("who or where", "outside", "p", "tilt (95 % CI)"), tuple(rows)),
-        Table(prose("fit_checks_priors")[0], ("prior", "scale", "limit", "width of band"), tuple(by_prior)),
+        Table(prose("fit_checks_priors")[0], columns, tuple(by_prior)),
         Table(
             prose("fit_checks_sigmoids")[0],
-            ("sigmoid", "predictive score", "standard error", "unreliable", "limit"),
-            tuple(sigmoid_scores(calibration, data)),
+            ("sigmoid", "predictive score", "standard error", "unreliable", "change of limit"),
+            tuple(by_sigmoid),
         ),
     )
     ratio, curves = data.sample_stats.ln_density_ratio.values[0], data.posterior.rate_limit.values[0]
-    return section(
-        "fit_checks",
-        tables,
-        (Picture(_figure(found, data), prose("fit_checks_caption")[0]),),
-        simulated=calibration.data.simulated,
-        outside=int(outside.sum()),
-        cells=int(there.sum()),
-        poor={name: p for name, p in found.p_values.items() if p < POOR_FIT / len(rows)},
-        p_values=found.p_values,
-        tilted=bool(tilted),
-        tilt_p=tilt_p,
-        k=float(arviz().psislw(ratio)[1]),
-        draws=len(ratio),
-        error=float(np.max(np.log(curves).std(axis=0)) / len(ratio) ** 0.5),
-    )
+    two = calibration.procedure is Procedure.TWO_INTERVAL
+    values = {
+        "outside": int(outside.sum()),
+        "cells": int(there.sum()),
+        "poor": {name: p for name, p in p_values.items() if p < POOR_FIT / len(rows)},
+        "p_values": p_values,
+        "tilted": bool(tilted),
+        "tilt_p": tilt_p,
+        "of_priors": [max(abs(limit) for *_, limit, _ in priors), max(abs(band) for *_, band in priors)],
+        "sigmoids": sigmoids,
+        "k": float(arviz().psislw(ratio)[1]),
+        "draws": len(ratio),
+        "error": float(np.max(np.log(curves).std(axis=0)) / len(ratio) ** 0.5),
+    }
+    picture = Picture(_figure(found, data), prose("fit_checks_caption", two=two)[0])
+    return section("fit_checks", tables, (picture,), simulated=calibration.data.simulated, **values)
+
+
+def _signed(value: float, digits: int) -> str:
+    return f"{value:+z.{digits}f}".replace("-", "−")
 
 
 def _figure(found: Predicted, data: Any) -> bytes:
@@ -210,17 +226,11 @@ def _figure(found: Predicted, data: Any) -> bytes:
     columns = min(COLUMNS, len(names))
     grid = [names[k : k + columns] for k in range(0, len(names), columns)]
     grid[-1] += ["."] * (columns - len(grid[-1]))
-    about = "bars: 95 % predictive intervals; dots: shares detected, red where outside"
+    about = "bars: 95 % predictive intervals; dots: shares of the answers, red where outside"
+    of_axes = {"empty_sentinel": ".", "sharey": True}
     with style.look():
-        figure, axes = style.panels(
-            "Answers and predicted answers",
-            about,
-            grid,
-            [PANEL] * len(grid),
-            empty_sentinel=".",
-            sharey=True,
-            apart=4.2,
-        )
+        heights = [PANEL] * len(grid)
+        figure, axes = style.panels("Answers and predicted answers", about, grid, heights, 4.2, **of_axes)
         for k, own in enumerate(axes[name] for name in names):
             share, low, high, outside = (of[k, order] for of in found[:4])
             own.vlines(at, low, high, color=style.FAINT, linewidth=4)

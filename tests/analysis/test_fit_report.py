@@ -11,6 +11,7 @@ import pytest
 from evenlight.analysis.calibration.calibration import Calibration, calibrate
 from evenlight.analysis.calibration.calibration_sections import curve_table
 from evenlight.analysis.calibration.fit_report import write_calibration, write_fit
+from evenlight.analysis.calibration.psychometric.serial_dependence import SerialDependence
 from evenlight.analysis.calibration.ramp_findings import first_lines, ramp_findings
 from evenlight.analysis.calibration.rate_limit.rate_limit_curve import RateLimitOptions, bounds
 from evenlight.analysis.ramp_loading import load_ramp_data
@@ -52,6 +53,13 @@ def both_ways(tmp_path_factory: pytest.TempPathFactory) -> Calibration:
         repetitions=3,
     )
     return made(tmp_path_factory.mktemp("both_ways"), design)
+
+
+def test_a_last_answer_that_is_avoided_is_not_given_again_in_a_negative_share(yes_no: Calibration) -> None:
+    for share, told in ((-0.02, "0.0 %"), (0.02, "2.0 %")):
+        serial = SerialDependence(share, 0.3, 0.0, 0.9, 100)
+        methods = section(dataclasses.replace(yes_no, serial=serial), 1).methods
+        assert any(f"The last answer is given again in {told}" in one for one in methods)
 
 
 @pytest.fixture(scope="module")

@@ -224,11 +224,23 @@ def test_another_sigmoid_can_be_asked_for_of_the_joint_model_alone_and_is_compar
     ratio = normal.rate_limit([10.0, 100.0]) / logistic.rate_limit([10.0, 100.0])
     assert (np.abs(np.log(ratio)) < 0.1).all()
     assert (ratio != 1).all()
-    people, _, sigmoids = checks_section(normal.calibration, normal.inference_data(draws=100)).tables
+    section = checks_section(normal.calibration, normal.inference_data(draws=100))
+    people, priors, sigmoids = section.tables
     assert next(row for row in people.rows if row[0] == "05")[1] == "0 of 3"
-    assert {row[0]: row[-1] == "the limit" for row in sigmoids.rows} == {
+    assert people.rows[5][0] == "white, b = 0.958 (100 cd/m²)"  # as other tables name it; of varjo-xr3
+    assert {row[0]: row[-1] == "as fitted" for row in sigmoids.rows} == {
         "logistic": False, "normal": True, "weibull": False,
     }  # fmt: skip
+    assert [row[1] for row in priors.rows[:4]] == ["0.25, × 0.5", "1, × 2", "0.125, × 0.5", "0.5, × 2"]
+    cells = [str(cell) for table in section.tables for row in table.rows for cell in row[1:]]
+    assert not [cell for cell in cells if "-" in cell or "−0.0 " in cell or "−0 " in cell]
+    verdict = section.paragraphs[
+        -1
+    ]  # of the tables: what moves most, and which sigmoids the answers tell apart
+    most = max(float(str(row[2])[:-2].replace("−", "-")) ** 2 for row in priors.rows) ** 0.5
+    assert f"halved or doubled, the limit changes by at most {most:.1f} %" in verdict
+    best, *others = (row[0] for row in sigmoids.rows)
+    assert f"The {best} function predicts the answers best, {others[0]} " in verdict
     with pytest.raises(InputError, match="another sigmoid is for the model joint"):
         fit_ramps(table, sigmoid="normal", model="pooled")
 
