@@ -74,12 +74,12 @@ def _result_in_words(
     summary: OptimizationSummary, ratio: float | None, warnings: tuple[str, ...]
 ) -> Iterator[str]:
     """Say what is gained in plain words, then how steady the loss was, in figures."""
-    from evenlight.analysis.tracks.track_words import alike, gain_in_words, lost, watts
+    from evenlight.analysis.tracks.track_words import alike, gain_in_words, lost, moved_in_words, watts
 
     assert summary.control is not None  # `control_video` has seen to it
     control = summary.control
     varies_by = "" if ratio is None else f", {ratio:.2f} times as much"
-    full, mean = summary.full_power, summary.mean_power
+    full, mean, factor = summary.full_power, summary.mean_power, min(summary.mean_factor, 1.0)
     saved = f", {percent(mean / full)} of full power" if full and mean is not None else ""
     power = "" if mean is None else f", {watts(mean)}{saved}"
     target = lost(control.target_loss)
@@ -93,8 +93,8 @@ def _result_in_words(
         f"same mean factor{varies_by}"
     )
     yield (
-        f"mean factor {min(summary.mean_factor, 1.0):.4g}{power}; "
-        f"{percent(control.share_limited)} of the time at the rate limit {summary.rate_limit!r} or a bound"
+        f"mean factor {factor:.4g}{power}; {percent(control.share_limited)} of the time "
+        f"at the rate limit {summary.rate_limit!r}{moved_in_words(summary)} or a bound"
     )
     if control.budget_unit is not None:
         used, held = f"{summary.achieved:.4g} on average", control.share_budget_held

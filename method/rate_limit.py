@@ -115,10 +115,8 @@ def require_known(limit: RateLimit, accept_wide_band: bool = False) -> None:
 participants, or accept that (`accept_wide_band`)
     """
     if limit.wide_band and not accept_wide_band:
-        moved, nearer = "", ""
-        if limit.noticed is not None:
-            moved = f" where {100 * limit.noticed:g} % is noticed"
-            nearer = "choose a share (`noticed`) nearer that of the fit, "
+        moved = "" if limit.noticed is None else f" where {100 * limit.noticed:g} % is noticed"
+        nearer = "choose a share (`noticed`) nearer that of the fit, " * bool(moved)
         raise InputError(
             f"the rate limit {limit.name!r} is not known well enough{moved}: {limit.wide_band}; {nearer}"
             "measure more participants, or accept that (`accept_wide_band`)"

@@ -123,7 +123,7 @@ def key_figures(summary: OptimizationSummary) -> tuple[KeyFigure, ...]:
         ),
         KeyFigure(
             f"{100 * ratio:.0f} %",
-            "of the rate limit, fastest change",
+            f"of the rate limit{moved_in_words(summary)}, fastest change",
             noticed(summary),
             warns=ratio > 1 + SAME_POWER,
         ),
@@ -333,17 +333,20 @@ def _watched(summary: OptimizationSummary) -> tuple[str, ...]:
     if seen is None:
         return ()
     each = f"a period is {summary.duration / seen.periods:.2g} s long, and 5 % of people are as sensitive"
-    assumed = f"; assumed: {seen.assumed}" if seen.assumed else ""
-    return f"watched on a plain screen it is {noticed(summary)}", f"{each}{assumed}"
+    assumed = "; assumed: " * bool(seen.assumed) + seen.assumed
+    return f"watched on a plain screen it is {noticed(summary)}", each + assumed
+
+
+def moved_in_words(summary: OptimizationSummary) -> str:
+    """Return for which share of detections the limit is, with a space before; nothing as it was fitted."""
+    return "" if summary.noticed is None else f" for {100 * summary.noticed:g} % noticed"
 
 
 def rate_in_words(summary: OptimizationSummary) -> str:
     """Return how fast brightness changes at most, by which limit, and what was accepted of it."""
     procedure = summary.rate_limit_procedure
     known = [*([procedure.value] if procedure else []), *(["simulated"] if summary.simulated else [])]
-    if summary.noticed is not None:
-        known.append(f"moved to {100 * summary.noticed:g} % noticed")
-    asked = f" ({', '.join(known)})" if known else ""
+    asked = f" ({', '.join(known)})" * bool(known) + moved_in_words(summary)
     accepted = ", whose wide or missing band was accepted" if summary.wide_band_accepted else ""
     allowance, ratio = summary.largest_allowance or 0.0, summary.max_rate_ratio_fitted or 0.0
     beyond = ""

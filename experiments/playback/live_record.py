@@ -69,10 +69,10 @@ class LiveDimming:
 
     controller: Controller
     limit: RateLimit  # that is kept to: as in its file, or for another share of detections
+    limit_sha256: str  # of the limit as in its file
     curve: LimitCurve
     budget: LiveBudget | None = None
     target_loss: float | None = None  # contrast loss to hold, or to begin with
-    limit_sha256: str | None = None  # of the limit's file; None: of the limit
 
     @classmethod
     def asked_for(
@@ -97,7 +97,7 @@ class LiveDimming:
             asked = budget.settings
             request = Request(asked.budget, asked.budget_unit, budget.model, limit, curve)
             require_possible(request, settings.lowest_factor)
-        return cls(Controller(settings, fastest), limit, curve, budget, live.target_loss, of_file)
+        return cls(Controller(settings, fastest), limit, of_file, curve, budget, live.target_loss)
 
     def governor(self) -> LiveGovernor | None:
         """Return what moves the target so that the budget is met, if there is one."""
@@ -122,8 +122,7 @@ def live_control(
         Whether the user was simulated.
     """
     settings, limit, (scene, display, measured_by) = dimming.controller.settings, dimming.limit, seen
-    of_limit = dimming.limit_sha256 or sha256_of_record(limit)
-    inputs = {"display": sha256_of_record(display), "rate_limit": of_limit}
+    inputs = {"display": sha256_of_record(display), "rate_limit": dimming.limit_sha256}
     return LiveControl(
         scene=scene,
         display=display,

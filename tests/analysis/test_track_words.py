@@ -239,7 +239,9 @@ def test_who_notices_a_track_is_told_with_what_was_assumed_and_by_what_task() ->
     known = {"duration": 40.0, "watched": WATCHED}
     assert gain_in_words(summary(**known))[-2:] == (f"{watched} noticed {by}", each)
     moved = rate_in_words(summary(**known, noticed=0.25, simulated=True))
-    assert "of the rate limit 'limit' (simulated, moved to 25 % noticed)" in moved
+    assert "of the rate limit 'limit' (simulated) for 25 % noticed" in moved
+    figure = key_figures(summary(noticed=0.25))[-1]
+    assert figure.what == "of the rate limit for 25 % noticed, fastest change"
     two = gain_in_words(summary(**known, rate_limit_procedure=Procedure.TWO_INTERVAL))[-2]
     assert two.startswith(f"{watched} told from stillness in 71 %")
     assumed = replace(WATCHED, assumed="width 1.6")

@@ -226,8 +226,9 @@ def test_a_lookahead_knows_so_much_and_no_more(
 @pytest.mark.usefixtures("undrawn")
 def test_where_nothing_is_gained_is_told(command, tmp_path: Path, walk: Path) -> None:
     """Without gains the factor stays: that is constant dimming."""
-    none = ("--proportional", 0, "--integral", 0, "--derivative", 0)
+    none = ("--proportional", 0, "--integral", 0, "--derivative", 0, "--noticed", 0.5)
     *_, said = controlled(command, tmp_path / "out", walk, "--target-loss", 0.05, *none)
+    assert " for 50 % noticed or a bound" in said
     assert said.count("warning: nothing is gained: the loss varies 1.00 times as much") == 1
     *_, said = controlled(command, tmp_path / "ahead", walk, "--target-loss", 0.05, "--lookahead", 2)
     assert "nothing is gained" not in said
