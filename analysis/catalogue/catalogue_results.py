@@ -133,7 +133,7 @@ def _made(video: CatalogueVideo, force: bool) -> tuple[CatalogueRow, bool]:
             shutil.copytree(video.folder, fresh, dirs_exist_ok=True)
             write_json_record(fresh / RESULT, replace(known, video_state=state))
         return replace(known.row, name=video.name, video=video.shown), False
-    job = replace(asked.job(source, *posed), quiet=True)
+    job = replace(asked.job(source, *posed), quiet=True, price=True)
     if job.curves is None and known is not None and known.curves_key == curves_key:
         job = replace(job, curves=video.folder / LOSS_CURVES)
     with result_folder(video.folder, "catalogue", force=force, wait=LONGEST_WAIT) as fresh:

@@ -164,6 +164,8 @@ def test_a_table_says_what_is_asked_of_single_videos(catalogue, catalogued, tmp_
         "SHA256SUMS",
         "catalogue.json",
         "loss_curves.npz",
+        "price.png",
+        "price_points.csv",
         "summary.json",
         "track.csv",
         "track.json",

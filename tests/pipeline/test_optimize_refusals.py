@@ -43,7 +43,7 @@ ASKED = [  # words after the video, or the video itself with them; what is said
     ("--seed -1 --solver splitting", "--seed must be a whole number from 0 on, got -1"),
     ("--seed -1 --solver slsqp", "--seed must be a whole number from 0 on, got -1"),
     *((f"--field-of-view {v}", "--field-of-view must lie in 0.1 to 175, got")
-      for v in ("0", "-1", "179.9999999", "180")),
+      for v in ("0.05", "-1", "179.9999999", "180")),
     ("--display varjo-xr4", "varjo-xr4: no such display; did you mean 'varjo-xr3'?"),
     ("--display broken.toml", "broken.toml: not valid TOML"),
     ("--display same-name.toml", "the display 'varjo-xr3' of other photometry"),
@@ -107,7 +107,7 @@ def test_a_rate_limit_fitted_on_another_display(command, tmp_path, clip) -> None
     (tmp_path / "d.toml").write_text(toml + "pixels_per_degree = 40\n")
     line = refused(command, tmp_path, clip, "--budget", 0.5, "--display", tmp_path / "d.toml")
     assert "'surace2025' was fitted on the display 'varjo-xr3', not on 'desk'" in line
-    other = ["--display", tmp_path / "d.toml", "--other-display-ok"]
+    other = ["--display", tmp_path / "d.toml", "--other-display-ok", "--power-model", "surace2025"]
     optimized(command, tmp_path, clip, 0.5, *other)
 
 
