@@ -6,7 +6,7 @@ import enum
 import math
 from os import PathLike
 
-from evenlight.data_schema.notebook import html_table
+from evenlight.data_schema.notebook import display_html
 from evenlight.data_schema.power_model import PanelKind
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
 from evenlight.data_schema.quantities import MOMENT, described, quantity, record
@@ -119,16 +119,8 @@ class Display:
         return f"<Display {self.name!r}: {light}, {self.pixels_per_degree:.4g} pixels per degree>"
 
     def _repr_html_(self) -> str:
-        """Return what a notebook shows: the keys of its file, and their values."""
-        from evenlight.data_schema.mapping import mapping_from_record
-
-        told = mapping_from_record(self)
-        rows = [
-            [key, str(value)]
-            for key, value in told.items()
-            if value not in (None, "") and key != "provenance"
-        ]
-        return html_table(f"Display {self.name}", [["key", "value"], *rows])
+        """Return what a notebook shows: what is known of the device, and its light."""
+        return display_html(self)
 
     def save(self, file: str | PathLike[str], *, force: bool = False) -> None:
         """Write it as a toml file, which `load_display` and `--display` read.

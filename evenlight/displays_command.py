@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from evenlight.data_schema.notebook import display_facts
 from evenlight.option_panels import QuietOption, complete_display
 
 if TYPE_CHECKING:
@@ -47,7 +48,8 @@ def displays(
 
 
 def _table(shown: Sequence[Display]) -> Iterator[str]:
-    rows = [HEADINGS, *(_cells(display) for display in shown)]
+    facts = [display_facts(display) for display in shown]
+    rows = [HEADINGS, *([one[heading] for heading in HEADINGS] for one in facts)]
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for row, display in zip(rows, (None, *shown), strict=True):
         cells = (
@@ -61,33 +63,8 @@ def _table(shown: Sequence[Display]) -> Iterator[str]:
     yield from _wrapped(NOTE, 0)
 
 
-def _cells(display: Display) -> tuple[str, ...]:
-    across, size = display.resolution, display.size
-    seen = "" if display.viewing_distance is None else f"{display.viewing_distance:g} m"
-    if display.field_of_view is not None:
-        seen = f"{display.field_of_view:g}° wide"
-    return (
-        display.name,
-        display.device,
-        "" if across is None else f"{across[0]} x {across[1]}",
-        "" if size is None else f"{size[0]:.0f} x {size[1]:.0f}",
-        seen,
-        f"{display.pixels_per_degree:.3g}",
-        f"{display.peak_luminance:.4g}, {display.black_level:.2g}",
-        display.actuator.value if display.actuator else "",
-        display.power_model or "none",
-    )
-
-
 def _told(display: Display) -> Iterator[str]:
-    words = dict(zip(HEADINGS, _cells(display), strict=True))
-    words |= {
-        "gamma": f"{display.gamma:g}",
-        "panel": display.panel.value if display.panel else "",
-        "measured": display.measured,
-        "source": display.source,
-    }
-    for heading, said in words.items():
+    for heading, said in display_facts(display).items():
         first, *others = _wrapped(said or "not known", 13)
         yield f"{heading:<13}{first.strip()}"
         yield from others
