@@ -43,7 +43,8 @@ HEAD = """# The Python interface
 degrees and cycles per degree; arrays are NumPy's, tables are pandas'. Bad input raises `InputError`, with one
 line that says what was wrong, what was got, and what would be right. Scripts that use it stand in
 [examples/](../examples/). To try things, `evenlight.samples` makes a `clip()`, and simulated tables
-`ramps()`, `ratings()`, `comparisons()` and `searches()`. This page is generated from the docstrings
+`ramps()`, `ratings()`, `comparisons()` and `searches()`. In a notebook long calls show a bar under their
+cell; `evenlight.progress.in_notebooks = False` turns it off. This page is generated from the docstrings
 (`python docs/make_api.py`).
 """
 

@@ -87,8 +87,8 @@ def __getattr__(name: str) -> Any:
     """Import a public name when it is first used: `import evenlight` itself loads nothing."""
     if name == "__version__":
         return _version()
-    if name == "samples":
-        return importlib.import_module("evenlight.samples")
+    if name in ("samples", "progress"):
+        return importlib.import_module(f"evenlight.{name}")
     if name not in _PLACES:
         raise AttributeError(f"module 'evenlight' has no attribute {name!r}")
     found = getattr(importlib.import_module(_PLACES[name]), name)

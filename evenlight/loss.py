@@ -20,6 +20,7 @@ from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.preset_files import load_contrast_model, load_display
+from evenlight.progress import counted, shown_progress
 from evenlight.stimuli.dimming_options import MIN_FACTORS
 from evenlight.stimuli.video.frames_in_memory import Frames, Named, frame_of, video_of
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
@@ -63,9 +64,10 @@ def loss_curves(
     made = provenance_now(inputs=inputs)
     require_angle(field_of_view)
     degrees = field_of_view_of(source) if field_of_view is None else field_of_view
-    frames, geometry = seen_video(source.frames(), panel, degrees, source.name)
     analysis = VideoAnalysis(model, knots, actuator_of(panel, actuator), made, effort)
-    return analysis.curves(frames, geometry, source.name)
+    with shown_progress(quiet=True) as progress:
+        every = counted(progress, source.frames(), f"analysing {source.name}", source.n_frames)
+        return analysis.curves(*seen_video(every, panel, degrees, source.name), source.name)
 
 
 def frame_loss(

@@ -1,13 +1,15 @@
-"""How far a long command is: a bar on a terminal; elsewhere (a file, a batch job) a line now and then."""
+"""How far long work is: a bar on a terminal or in a notebook; elsewhere (a batch job) a line now and then."""
 
 from __future__ import annotations
 
+import functools
 import math
 import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from datetime import timedelta
+from html import escape
 from typing import TYPE_CHECKING, Any, TypeVar
 
 if TYPE_CHECKING:
@@ -15,9 +17,12 @@ if TYPE_CHECKING:
     from rich.progress import TaskID
 
 told_by_default = False  # set by the command
+in_notebooks = True  # whether calls of Python tell there; the user's
 begun: float | None = None  # when the command began, by the clock of rich; set by the command [s]
 _shown: list[Progress] = []  # what shows the progress of the command that runs
+_told_under: set[str] = set()  # cells of a notebook that have a line
 INTERVAL = 10.0  # between two lines, and before the first: what takes less says nothing [s]
+IN_NOTEBOOKS = 1.0  # the same there, where the line is written anew [s]
 COMPILING = "compiling (once, about 20 s)"
 Item = TypeVar("Item")
 
@@ -31,11 +36,10 @@ class Progress:
     def __init__(
         self, bars: Bars, write: Callable[[str], None] | None = None, begun: float | None = None
     ) -> None:
-        self._bars, self._write, self._compiling = bars, write, False
-        self._told = bars.get_time()
-        self._begun = (
-            self._told if begun is None else begun
-        )  # a command may show several, one after the other
+        self._bars, self.write, self._compiling = bars, write, False
+        self._told, self.interval = bars.get_time(), INTERVAL
+        # A command may show several, one after the other.
+        self._begun = self._told if begun is None else begun
         self._step = self._bar("starting", None)
 
     def step(self, words: str, total: int | None = None) -> None:
@@ -50,8 +54,8 @@ class Progress:
 
     def note(self, words: str) -> None:
         """Say something of a part that is done, in a line that stays."""
-        if self._write is not None:
-            self._write(f"evenlight: {words}")
+        if self.write is not None:
+            self.write(f"evenlight: {words}")
         elif not self._bars.disable:
             self._bars.console.print(words, highlight=False, markup=False, soft_wrap=True)
 
@@ -72,14 +76,14 @@ class Progress:
             self._show(task.id, since=(self._bars.get_time(), task.completed))
 
     def tell_if_due(self, since: float | None = None) -> None:
-        """Write a line of what is going on if the last one, or `since`, is `INTERVAL` old."""
+        """Write a line of what is going on if the last one, or `since`, is as old as the interval."""
         now, last = self._bars.get_time(), self._bars.tasks[-1]
-        if self._write is not None and now - (self._told if since is None else since) >= INTERVAL:
+        if self.write is not None and now - (self._told if since is None else since) >= self.interval:
             self._told = now
             minutes, seconds = divmod(int(now - self._begun), 60)
             time = f"{minutes} min {seconds} s" if minutes else f"{seconds} s"
             words = ", ".join(filter(None, (last.description, last.fields["count"])))
-            self._write(f"evenlight: {time}: {words}")
+            self.write(f"evenlight: {time}: {words}")
 
     def _bar(self, words: str, total: int | None) -> TaskID:
         since = (self._bars.get_time(), 0)
@@ -103,8 +107,11 @@ class Progress:
 
 
 @contextmanager
-def shown_progress(quiet: bool) -> Iterator[Progress]:
-    """Show progress on standard error while a command works, and yield what it tells it to."""
+def shown_progress(quiet: bool, words: str = "", total: int | None = None) -> Iterator[Progress]:
+    """Show progress on standard error while a command works, and yield what it tells it to.
+
+    The first step may be named here. In a notebook, its cell shows work that is quiet elsewhere too.
+    """
     from numba.core.event import install_listener  # not needed by commands that are done at once
     from rich.console import Console
     from rich.progress import BarColumn, TimeElapsedColumn
@@ -118,6 +125,11 @@ def shown_progress(quiet: bool) -> Iterator[Progress]:
     )  # fmt: skip
     with Bars(*columns, console=console, transient=True, disable=not seen) as bars, ExitStack() as stack:
         progress = Progress(bars, None if seen or quiet else _to_standard_error, begun)
+        if (shell := _notebook()) is not None:
+            progress.write, progress.interval = functools.partial(_to_notebook, shell, bars), IN_NOTEBOOKS
+            stack.callback(progress.write, "")
+        if words:
+            progress.step(words, total)
 
         def tell() -> None:  # beside the work, which may not come to tell anything for minutes
             while not ended.wait(1.0):
@@ -175,3 +187,20 @@ def _compilation_listener(progress: Progress) -> Any:
 def _to_standard_error(line: str) -> None:
     with suppress(OSError, ValueError):  # nobody reads it any more
         print(line, file=sys.stderr, flush=True)
+
+
+def _notebook() -> Any:
+    """Return what runs the cells of a notebook; None elsewhere."""
+    shell = sys.modules["IPython"].get_ipython() if "IPython" in sys.modules else None
+    return shell if in_notebooks and hasattr(shell, "kernel") else None
+
+
+def _to_notebook(shell: Any, bars: Bars, line: str) -> None:
+    """Write the one line of progress under a cell, anew if it is there; an empty one when all is done."""
+    task, name = bars.tasks[-1], f"evenlight {shell.execution_count}"
+    if line or name in _told_under:
+        share = f' value="{task.completed:g}" max="{task.total:g}"' if task.total else ""
+        page = f"<progress{share}></progress> {escape(line)}" if line else ""
+        shown, place = {"text/plain": line, "text/html": page}, {"display_id": name}
+        shell.display_pub.publish(shown, transient=place, update=name in _told_under)
+        _told_under.add(name)

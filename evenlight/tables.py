@@ -30,6 +30,7 @@ from evenlight.data_schema.recordings.rating_scale import ONE_TO_FIVE, scale_of
 from evenlight.data_schema.recordings.session import TASKS
 from evenlight.data_schema.recordings.viewing import repetitions
 from evenlight.method.preset_files import load_display
+from evenlight.progress import shown_progress
 from evenlight.stimuli.video.frames_in_memory import Named
 
 if TYPE_CHECKING:
@@ -119,7 +120,8 @@ def fit_ramps(
     if not kept:
         raise InputError("the table holds no ramp that counts: expected a row for each ramp and its answer")
     data = RampData("ramp", (), simulated, sha256="", warnings=(), rows=kept, display=panel)
-    return RampFit(calibrate(data, options))
+    with shown_progress(True, "fitting thresholds and curve") as progress:
+        return RampFit(calibrate(data, options, progress.at))
 
 
 def analyze(
@@ -190,7 +192,8 @@ def analyze(
         data = replace(data, scale=own, warnings=() if scale is not None or own == ONE_TO_FIVE else (said,))
     elif scale is not None:
         raise ArgumentError("scale", f"is of ratings, not of a {task}")
-    return task_findings(data, options)
+    with shown_progress(True, f"analysing {task}"):
+        return task_findings(data, options)
 
 
 def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:

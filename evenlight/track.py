@@ -45,6 +45,7 @@ from evenlight.data_schema.tracks.optimization_summary import OptimizationSummar
 from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.preset_files import load_contrast_model
+from evenlight.progress import shown_progress
 from evenlight.stimuli.dimmed.apply_options import (
     AppliedVersion,
     Codec,
@@ -244,8 +245,8 @@ class Track(Result):
         asked = None if codec is None else choice("codec", codec, Codec)
         made = DimmedFile(file, codec_for(file, asked), choice("version", version, AppliedVersion))
         source = video_of(video, fps)
-        with self._written() as folder:
-            apply_track(source, match_track(source, folder, other_video_ok=other_video_ok), made)
+        with self._written() as folder, shown_progress(True, f"dimming {source.name}", len(self)) as progress:
+            apply_track(source, match_track(source, folder, other_video_ok=other_video_ok), made, progress.at)
 
     def export(
         self,

@@ -64,8 +64,7 @@ def simulate(
     from evenlight.experiments.viewing.simulate_viewing import load_simulation, simulate_viewing
 
     simulation = load_simulation(task, stimuli, (participants, seed), display, design)
-    with shown_progress(quiet) as progress:
-        progress.step("simulating participants", participants)
+    with shown_progress(quiet, "simulating participants", participants) as progress:
         simulate_viewing(simulation, out, progress.at)
     if not quiet:
         typer.echo(f"{participants} simulated participants in {out}")

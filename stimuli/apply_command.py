@@ -62,8 +62,7 @@ def apply(
     require_free(out, force=force)
     source = _video_of(video, track, fps)
     matched = match_track(source, track, display, other_video_ok=other_video_ok)
-    with shown_progress(quiet) as progress:
-        progress.step(f"dimming {source.name}", len(matched.loaded.track.times))
+    with shown_progress(quiet, f"dimming {source.name}", len(matched.loaded.track.times)) as progress:
         left_out = apply_track(source, matched, DimmedFile(out, encoding, version), progress.at)
     if not quiet:
         _say(source, matched, version, out, left_out)

@@ -72,8 +72,7 @@ def player_content(
     model = job.request.power_model
     constant = None if model is None else power(model, factors, curves.channel_means)
     picture = recorder.picture(curves)
-    with shown_progress(job.quiet) as progress:
-        progress.step(f"maps of lost contrast of {curves.video}")
+    with shown_progress(job.quiet, f"maps of lost contrast of {curves.video}"):
         contrast, detail = contrast_tiles(data, curves.display, job.model)
     shown, why = _of_the_picture(picture, curves)
     notes = [f"{shown} Maps of lost contrast for {len(contrast.frames)} frames."]

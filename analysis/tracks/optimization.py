@@ -83,8 +83,7 @@ def _optimize_curves(
     problem = pose(whole, job.request, joints(curves))
     start = None if job.start is None else start_factors(job.start, curves)
     solver = make_solver(job.solver, np.random.default_rng(job.seed), start)
-    with shown_progress(job.quiet) as progress:
-        progress.step(f"optimizing {whole.video}")
+    with shown_progress(job.quiet, f"optimizing {whole.video}") as progress:
         if by_measure:
             measures = Measures((problem, *(pose(own, job.request) for own in by_measure)))
             factors, answer = _robust(job, measures, solver)
@@ -146,8 +145,7 @@ def _with_floor(
     """Return the header of a track made for a backlight, with what pixels would add to the loss."""
     if curves.actuator is Actuator.PIXELS:
         return header
-    with shown_progress(job.quiet) as progress:
-        progress.step(f"loss of {curves.video} if pixels dimmed")
+    with shown_progress(job.quiet, f"loss of {curves.video} if pixels dimmed"):
         added = floor_in_samples(samples.held, factors, curves.display, job.model)
     return replace(header, loss_added_by_pixels=added)
 
