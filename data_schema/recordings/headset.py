@@ -21,7 +21,7 @@ class HeadsetLog:
     periods: tuple[float, ...] = quantity("s", "how long each was to last, as the runtime said", above=0.0)
     late_frames: tuple[int, ...] = count("refreshes that passed without a new frame before each")
     head_right: tuple[float, ...] = quantity(
-        "m", "where the head was predicted to be at that time: to the right of where the session began"
+        "m", "where the head was predicted to be at that time: to the right of where the interval began"
     )
     head_up: tuple[float, ...] = quantity("m", "the same, upwards")
     head_back: tuple[float, ...] = quantity("m", "the same, backwards")

@@ -11,8 +11,8 @@ from evenlight.hardware.protocols import ContextDevice, KeyPress, ResponseDevice
 
 TRIGGER, MENU = "trigger", "menu"
 STICK_LEFT, STICK_RIGHT = "stick_left", "stick_right"
-PAUSE, NEXT, STOP = "f1", "f2", "f3"  # keys of the operator
-OPERATOR_KEYS = "F1 pause, F2 next, F3 stop"
+PAUSE, NEXT, STOP = "f1", "f2", "f3"  # keys of the operator, besides `headset_window.RECENTRE`
+OPERATOR_KEYS = "F1 pause, F2 next, F3 stop, F4 straight ahead"
 
 
 class HeadsetKeys(ContextDevice):

@@ -53,6 +53,7 @@ if TYPE_CHECKING:
 NOT_WORN = "the headset was not worn, or something of the system was in front"
 NOT_SHOWN = "the runtime did not show what was drawn"
 NOT_TRACKED = "where the head is was not known"
+RECENTRED = "straight ahead was set anew, by the runtime, by F4 or by the menu button"
 BROKEN_OFF = "the operator broke it off"
 NUMBER_SIZE = 3.0  # of an interval's number, as high as a heading, in multiples of a page's text
 STRIP_TEXT = 0.5  # of its letters, in multiples of those of a page as wide
@@ -162,6 +163,7 @@ class HeadsetStage(WindowStage):
         Of an interval that is broken off all frames are kept.
         """
         self._caption(kind)
+        self._headset.recentre()
         self._headset.shown_frames()
         try:
             shown = show()
@@ -171,7 +173,9 @@ class HeadsetStage(WindowStage):
         frames = self._headset.shown_frames()[-len(shown.flip_times) :]
         self._ahead = shown.onset - frames[0].display_time
         self._keep(frames)
-        unseen = (why_unseen(frame.focused, frame.visible, frame.tracked) for frame in frames)
+        unseen = (
+            why_unseen(frame.focused, frame.visible, frame.tracked, frame.recentred) for frame in frames
+        )
         if self._begun and (why := next(filter(None, unseen), "")):
             raise PausePressed(why)
         return shown
@@ -228,7 +232,7 @@ class HeadsetStage(WindowStage):
     def _why_unseen(self) -> str:
         """Return why the next frame will not be seen, or not from where it is drawn; empty if it will."""
         frame = self._headset.eyes()
-        return why_unseen(self._headset.focused(), frame.visible, frame.tracked)
+        return why_unseen(self._headset.focused(), frame.visible, frame.tracked, frame.recentred)
 
     def _caption(self, kind: str) -> None:
         """Write for the operator what is shown; between stimuli, for a text takes longer than a frame."""
@@ -240,7 +244,7 @@ class HeadsetStage(WindowStage):
             self._strip = text
 
 
-def why_unseen(focused: bool, visible: bool, tracked: bool) -> str:
+def why_unseen(focused: bool, visible: bool, tracked: bool, recentred: bool = False) -> str:
     """Return why a frame is not seen, or not from where it is drawn; empty if it is.
 
     >>> why_unseen(True, True, False)
@@ -250,4 +254,6 @@ def why_unseen(focused: bool, visible: bool, tracked: bool) -> str:
         return NOT_WORN
     if not visible:
         return NOT_SHOWN
-    return "" if tracked else NOT_TRACKED
+    if not tracked:
+        return NOT_TRACKED
+    return RECENTRED if recentred else ""

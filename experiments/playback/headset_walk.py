@@ -36,6 +36,7 @@ class HeadsetWalk(Walk):
 
     def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> None:
         """Walk until the pause key is pressed, or for some time [s]; then the rows are completed."""
+        self._window.recentre()
         try:
             super().walk(held, pointer, seconds)
         finally:

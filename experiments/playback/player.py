@@ -64,6 +64,7 @@ HEAD_COLUMNS = (
     "focused",
     "visible",
     "refreshes_missed_by_runtime",
+    "recentred",
 )
 NEXT, MENU = "trigger", "menu"  # of a controller
 LOG_SUFFIXES = (".csv", ".jsonl")
@@ -201,7 +202,9 @@ class Player:
         self._player.observer = observer
 
     def play(self) -> bool:
-        """Play all of it, and return whether it was played to its end."""
+        """Play all of it, straight ahead of a headset's head, and return whether it was played to its end."""
+        if isinstance(self._devices.window, HeadsetWindow):
+            self._devices.window.recentre()
         while True:
             for dimming in self._playback.order:
                 if not self._play_once(dimming):
@@ -321,5 +324,5 @@ def _head_cells(shown: ShownFrame | None) -> list[Any]:
     """Return what a runtime says of a refresh, for `HEAD_COLUMNS`; nothing of one that was interrupted."""
     if shown is None:
         return [None] * len(HEAD_COLUMNS)
-    said = shown.tracked, shown.focused, shown.visible, shown.late
+    said = shown.tracked, shown.focused, shown.visible, shown.late, shown.recentred
     return [*shown.head.position, *shown.head.orientation, *said]

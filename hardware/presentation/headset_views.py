@@ -1,13 +1,13 @@
 """What a headset says: when a frame appears, where head and eyes are then, and what the eyes see.
 
-Axes are OpenXR's: x right, y up, z backwards, in metres; the origin is where the head was when the session
-began.
+Axes are OpenXR's: x right, y up, z backwards, in metres. A runtime's begin anywhere; a `HeadsetWindow` gives
+those that begin at the head, and point where it pointed, when they were set.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # rig.py imports this, and shows its help without numpy
@@ -58,6 +58,12 @@ class HeadsetFrame:
     head: Pose
     visible: bool  # whether the runtime will show it; if not, nothing need be drawn
     tracked: bool  # whether the head's orientation is known; if not, the views are the last known ones
+    recentred: bool = False  # whether the axes are others than those of the frame before
+
+    def since(self, origin: Pose) -> HeadsetFrame:
+        """Return the frame in the axes of an origin that `level` gave."""
+        left, right = (replace(eye, pose=_since(eye.pose, origin)) for eye in self.eyes)
+        return replace(self, eyes=(left, right), head=_since(self.head, origin))
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,4 +117,28 @@ def rotation(pose: Pose) -> NDArray[np.float64]:
             [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
+    )
+
+
+def level(head: Pose) -> Pose:
+    """Return where a head is and the direction that it points in, without its nod and its tilt.
+
+    >>> nodding = Pose((0.1, 1.6, 0.2), (math.sin(0.2), 0.0, 0.0, math.cos(0.2)))
+    >>> level(nodding)
+    Pose(position=(0.1, 1.6, 0.2), orientation=(0.0, 0.0, 0.0, 1.0))
+    """
+    ahead, _, back = (rotation(head) @ [0.0, 0.0, -1.0]).tolist()
+    half = math.atan2(-ahead, -back) / 2
+    return Pose(head.position, (0.0, math.sin(half) + 0.0, 0.0, math.cos(half)))  # no minus zero
+
+
+def _since(pose: Pose, origin: Pose) -> Pose:
+    """Return a pose in the axes of an origin that is turned about the vertical only."""
+    _, sine, _, cosine = origin.orientation  # of half the angle
+    along, across = cosine**2 - sine**2, 2 * sine * cosine
+    right, up, back = (here - there for here, there in zip(pose.position, origin.position, strict=True))
+    x, y, z, w = pose.orientation
+    return Pose(
+        (along * right - across * back, up, across * right + along * back),
+        (cosine * x - sine * z, cosine * y - sine * w, cosine * z + sine * x, cosine * w + sine * y),
     )

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from abc import ABC, abstractmethod
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from evenlight.data_schema.recordings.rig import Eye
@@ -18,6 +18,7 @@ from evenlight.hardware.presentation.headset_views import (
     HeadsetFrame,
     Pose,
     centre_pixels_per_degree,
+    level,
 )
 from evenlight.hardware.protocols import ContextDevice, KeyPress
 from evenlight.hardware.simulated.clocks import RefreshClock
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 
 PANEL_SIZE = (1280, 960)  # [pixels] of pages, which stand before the head
 BITS = 8
+RECENTRE, MENU_HELD = "f4", "menu_held"  # key of the operator, and button of a controller
 KEPT = 1 << 17  # frames that are noted until they are asked for: 20 minutes at 100 Hz
 
 
@@ -45,13 +47,16 @@ class ShownFrame:
     visible: bool  # whether the runtime showed it
     focused: bool  # whether the headset was worn, and nothing of the system in front
     tracked: bool  # whether the head's orientation was known
+    recentred: bool = False  # whether the axes are others than those of the frame before
 
 
 class HeadsetWindow(ContextDevice, ABC):
     """A headset, open: a window whose back buffer holds the pictures of both eyes, side by side.
 
-    `begin` before anything is drawn or shown. What a headset is asked for is abstract: what its runtime says
-    of itself, frames between `begin_frame` and `end_frame`, and controllers.
+    `begin` before anything is drawn or shown. Where the head is then becomes the origin of all views, and
+    where it points is straight ahead, until they are set anew (`recentre`) or the runtime moves its own. What
+    a headset is asked for is abstract: what its runtime says of itself, frames between `begin_frame` and
+    `end_frame`, and controllers.
 
     Raises
     ------
@@ -60,11 +65,14 @@ class HeadsetWindow(ContextDevice, ABC):
     """
 
     mirror: MirrorWindow | None = None  # the operator's window, if there is one
+    _in_runtime: HeadsetFrame  # the one that is being drawn, in the runtime's axes
+    _frame: HeadsetFrame  # and in those that begin at the origin
 
     def __init__(self) -> None:
         self._shown: deque[ShownFrame] = deque(maxlen=KEPT)
         self._last: float | None = None  # when the last frame appeared, on the runtime's clock [s]
         self._drawn = False  # whether the frame's image was asked for
+        self._origin, self._origin_due = Pose(), True  # in the runtime's axes, and whether it is to be taken
         self._eye = Eye.LEFT
         self._refresh_clock: RefreshClock | None = None
 
@@ -79,7 +87,21 @@ class HeadsetWindow(ContextDevice, ABC):
             A clock that goes with the flips, for a rehearsal; else time is the runtime's.
         """
         self._eye, self._refresh_clock = eye, refresh_clock
-        self._frame = self.begin_frame()
+        self._origin_due = True
+        self._begin_frame()
+
+    def recentre(self) -> None:
+        """Take where the head is as the origin, and where it points as straight ahead, from this frame on.
+
+        While it is not worn or not tracked the origin is due, and is taken as soon as it is.
+        """
+        self._origin_due = True
+        self._place()
+
+    def recentre_as_asked(self) -> None:
+        """Do so for the operator or the wearer, in whatever is shown: this frame is noted as recentred."""
+        self.recentre()
+        self._frame = replace(self._frame, recentred=True)
 
     def size(self) -> tuple[int, int]:
         """Return width and height of the panel of pages [pixels]; not those of an eye's picture."""
@@ -121,7 +143,7 @@ class HeadsetWindow(ContextDevice, ABC):
         self.end_frame()
         self._note(shown)
         self._drawn = False
-        self._frame = self.begin_frame()
+        self._begin_frame()
         return self._refresh_clock.advance() if self._refresh_clock else shown
 
     def shown_frames(self) -> list[ShownFrame]:
@@ -149,8 +171,14 @@ class HeadsetWindow(ContextDevice, ABC):
         return both[top : top + down, left : left + across]
 
     def presses(self) -> list[KeyPress]:
-        """Return what was pressed on controllers since the last call, on the window's clock, in order."""
+        """Return what was pressed on controllers since the last call, on the window's clock, in order.
+
+        A menu button that was held sets straight ahead anew, and is no press.
+        """
         pressed = self.controller_presses()
+        if any(press.name == MENU_HELD for press in pressed):
+            self.recentre_as_asked()
+        pressed = [press for press in pressed if press.name != MENU_HELD]
         return [KeyPress(press.name, self.now()) for press in pressed] if self._refresh_clock else pressed
 
     def apparatus(self) -> dict[str, str]:
@@ -225,13 +253,25 @@ class HeadsetWindow(ContextDevice, ABC):
     def controller_presses(self) -> list[KeyPress]:
         """Return what was pressed on controllers since the last call, on the runtime's clock, in order.
 
-        Names: trigger, menu, stick_left, stick_right, stick_up, stick_down; a stick counts once when it
-        leaves the middle.
+        Names: trigger, menu, menu_held, stick_left, stick_right, stick_up, stick_down; a stick counts once
+        when it leaves the middle, and menu when it is let go before it counts as held.
         """
 
     @abstractmethod
     def stick(self) -> tuple[float, float]:
         """Return how far the stick of either controller is pushed now: right and up, each from -1 to 1."""
+
+    def _begin_frame(self) -> None:
+        self._in_runtime = self.begin_frame()
+        self._origin_due |= self._in_runtime.recentred
+        self._place()
+
+    def _place(self) -> None:
+        """Take the origin if it is due, and the frame in its axes."""
+        if self._origin_due and self._in_runtime.tracked:
+            self._origin = level(self._in_runtime.head)
+            self._origin_due = not self.focused()
+        self._frame = self._in_runtime.since(self._origin)
 
     def _appears(self) -> float:
         """Return when the frame being drawn will appear: as predicted, or, if that passed, periods later."""
@@ -247,7 +287,14 @@ class HeadsetWindow(ContextDevice, ABC):
         self._last = shown
         self._shown.append(
             ShownFrame(
-                shown, frame.period, max(missed, 0), frame.head, frame.visible, self.focused(), frame.tracked
+                shown,
+                frame.period,
+                max(missed, 0),
+                frame.head,
+                frame.visible,
+                self.focused(),
+                frame.tracked,
+                frame.recentred,
             )
         )
 
@@ -265,8 +312,11 @@ class OperatorKeys(ContextDevice):
         self._window = window
 
     def pressed(self) -> list[KeyPress]:
-        """Return the keys pressed since the last call, in order; return at once."""
-        return self._window.mirror.pressed() if self._window.mirror is not None else []
+        """Return the keys pressed since the last call, in order, but `RECENTRE`, which acts at once."""
+        presses = self._window.mirror.pressed() if self._window.mirror is not None else []
+        if any(press.name == RECENTRE for press in presses):
+            self._window.recentre_as_asked()
+        return [press for press in presses if press.name != RECENTRE]
 
     def held(self) -> frozenset[str]:
         """Return the names of the keys that are down now."""

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
+from evenlight.hardware.presentation.headset_window import MENU_HELD
 from evenlight.hardware.presentation.openxr_runtime import NANOSECOND, VARJO_CONTROLLER
 from evenlight.hardware.protocols import KeyPress
 
 if TYPE_CHECKING:
     from evenlight.hardware.presentation.openxr_runtime import OpenXRRuntime
 
+HOLD = 1.0  # that a menu button is held to set straight ahead anew [s]
 PRESSED, RELEASED = 0.6, 0.4  # of a trigger's or a stick's way: apart, so that a tremor is one press
 HANDS = ("left", "right")
 VARJO = "varjo/xr-4_controller"
@@ -48,12 +51,34 @@ class Edges:
     """
 
     def __init__(self) -> None:
-        self._down = False
+        self.down = False
 
     def pressed(self, far: float) -> bool:
         """Take how far it is pushed now, from 0 to 1, and return whether that began a press."""
-        before, self._down = self._down, far > (RELEASED if self._down else PRESSED)
-        return self._down and not before
+        before, self.down = self.down, far > (RELEASED if self.down else PRESSED)
+        return self.down and not before
+
+
+class MenuButton:
+    """A button that says one thing when it is let go, and another when it was held.
+
+    >>> button = MenuButton()
+    >>> [button.said(far, time) for time, far in enumerate((1.0, 0.0, 1.0, 1.0, 0.0))]
+    ['', 'menu', '', 'menu_held', '']
+    """
+
+    def __init__(self) -> None:
+        self._since = math.inf  # when it went down, unless that is said already [s]
+        self._edges = Edges()
+
+    def said(self, far: float, now: float) -> str:
+        """Take how far it is pushed at a time [s], and return the name of a press that is over, if any."""
+        if self._edges.pressed(far):
+            self._since = now
+        if self._since == math.inf or (self._edges.down and now - self._since < HOLD):
+            return ""
+        held, self._since = now - self._since >= HOLD, math.inf
+        return MENU_HELD if held else "menu"
 
 
 class Controllers:
@@ -79,7 +104,7 @@ class Controllers:
             "menu": self._action("menu", "Pause", kinds.FLOAT_INPUT),
         }
         self._stick = self._action("stick", "Choose and move", kinds.VECTOR2F_INPUT)
-        self._edges = {name: Edges() for name in (*self._buttons, "stick")}
+        self._edges, self._menu = {name: Edges() for name in ("trigger", "stick")}, MenuButton()
         self._pressed: list[KeyPress] = []
         self._pushed = (0.0, 0.0)
         for profile in PROFILES:
@@ -87,19 +112,30 @@ class Controllers:
                 self._suggest(profile)
         xr.attach_session_action_sets(session, xr.SessionActionSetsAttachInfo(action_sets=[self._set]))
 
-    def sync(self) -> None:
-        """Ask what is pressed now; without focus nothing is."""
+    def sync(self, now: float) -> None:
+        """Ask what is pressed at a time on the runtime's clock [s]; without focus nothing is."""
         xr = self._xr
         try:
             xr.sync_actions(
                 self._session, xr.ActionsSyncInfo(active_action_sets=[xr.ActiveActionSet(self._set, 0)])
             )
         except xr.exception.SessionNotFocused:
-            self._pushed = (0.0, 0.0)
+            self._pushed, self._menu = (0.0, 0.0), MenuButton()
             return
-        for name, action in self._buttons.items():
-            state = xr.get_action_state_float(self._session, xr.ActionStateGetInfo(action))
-            self._note(name, name, state.current_state if state.is_active else 0.0, state.last_change_time)
+        trigger, menu = (
+            xr.get_action_state_float(self._session, xr.ActionStateGetInfo(action))
+            for action in self._buttons.values()
+        )
+        self._note(
+            "trigger",
+            "trigger",
+            trigger.current_state if trigger.is_active else 0.0,
+            trigger.last_change_time,
+        )
+        if not menu.is_active:
+            self._menu = MenuButton()
+        elif said := self._menu.said(menu.current_state, now):
+            self._pressed.append(KeyPress(said, menu.last_change_time * NANOSECOND))
         state = xr.get_action_state_vector2f(self._session, xr.ActionStateGetInfo(self._stick))
         at = state.current_state
         self._pushed = (at.x, at.y) if state.is_active else (0.0, 0.0)

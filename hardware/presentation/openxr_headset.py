@@ -6,6 +6,7 @@ import ctypes
 import math
 import time
 from contextlib import ExitStack, closing, suppress
+from dataclasses import replace
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
@@ -60,6 +61,7 @@ class OpenXRHeadset(HeadsetWindow):
         self._worn, self._lost = True, ""
         self._period, self._latest = IDLE_PERIOD, 0.0  # and when the latest frame appears [s]
         self._due = 0  # display time of the frame that is open; 0 for none [ns]
+        self._recentred_at: int | None = None  # when the runtime moves its origin [ns]
         self._eyes, self._head = (NOWHERE, NOWHERE), Pose()
         self._views: Any = ()
         self._unseen: moderngl.Framebuffer | None = None
@@ -127,8 +129,11 @@ class OpenXRHeadset(HeadsetWindow):
             if state.predicted_display_period > 0:
                 self._period = state.predicted_display_period * NANOSECOND
             tracked = self._locate()
-            self._controllers.sync()
-            return self._framed(visible=bool(state.should_render), tracked=tracked)
+            self._controllers.sync(self._latest)
+            frame = self._framed(visible=bool(state.should_render), tracked=tracked)
+            recentred = self._recentred_at is not None and self._due >= self._recentred_at
+            self._recentred_at = None if recentred else self._recentred_at
+            return replace(frame, recentred=recentred)
 
     def picture(self) -> moderngl.Framebuffer:
         """Return the picture of the frame; one that is not visible goes to a picture of its own."""
@@ -283,6 +288,10 @@ class OpenXRHeadset(HeadsetWindow):
                 break
             if event.type == types.EVENT_DATA_SESSION_STATE_CHANGED:
                 self._follow(xr.SessionState(_as(event, xr.EventDataSessionStateChanged).state))
+            elif event.type == types.EVENT_DATA_REFERENCE_SPACE_CHANGE_PENDING:
+                change = _as(event, xr.EventDataReferenceSpaceChangePending)
+                if change.reference_space_type == xr.ReferenceSpaceType.LOCAL:
+                    self._recentred_at = int(change.change_time)
             elif event.type == types.EVENT_DATA_INSTANCE_LOSS_PENDING:
                 self._lost = "the OpenXR runtime is about to stop"
             elif self._runtime.offers(PRESENCE) and event.type == types.EVENT_DATA_USER_PRESENCE_CHANGED_EXT:

@@ -60,6 +60,7 @@ class HeadsetScript:
     unfocused: Sequence[Span] = ()  # while it is taken off, or a menu of the system is in front
     invisible: Sequence[Span] = ()
     untracked: Sequence[Span] = ()
+    recentred: Sequence[float] = ()  # when the runtime says that its origin is another, as `head` has it then
     dropped: Mapping[int, int] = field(default_factory=dict)  # refreshes that pass before a frame, from 0
     lost_at: int | None = None  # the frame at which the runtime goes away
 
@@ -99,7 +100,7 @@ class SimulatedHeadset(HeadsetWindow):
         self._started = time.perf_counter()
         self._begun = self._refresh = 0  # how many frames began, and the refresh at which the last one did
         self._open = False  # whether a frame is being drawn
-        self._pressed = 0
+        self._pressed, self._appeared = 0, 0.0  # how many presses were told, and when the last frame appears
         self._context = _offscreen()
         width, height = eye_size
         self._images = [
@@ -203,7 +204,9 @@ class SimulatedHeadset(HeadsetWindow):
         began = next((span[0] for span in self.script.untracked if span[0] <= shown < span[1]), shown)
         head = self.script.head(began)
         visible = not _within(self.script.invisible, shown)
-        return HeadsetFrame(shown, 1 / self._rate, self._eyes(head), head, visible, tracked)
+        recentred = any(self._appeared < time <= shown for time in self.script.recentred)
+        self._appeared = shown
+        return HeadsetFrame(shown, 1 / self._rate, self._eyes(head), head, visible, tracked, recentred)
 
     def _eyes(self, head: Pose) -> tuple[EyePose, EyePose]:
         wide, narrow, up, down = map(math.radians, (OUTWARDS, INWARDS, UPWARDS, DOWNWARDS))

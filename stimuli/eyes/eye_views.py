@@ -1,7 +1,7 @@
 """What the eyes in a headset see of a scene: from the axes of OpenXR to those of scenes.
 
-OpenXR has x to the right, y up and z backwards, scenes have x east, y north and z up. Straight ahead as the
-session began is where one looks in the scene before the head turns.
+OpenXR has x to the right, y up and z backwards, scenes have x east, y north and z up. Straight ahead of a
+headset (`HeadsetWindow.recentre`) is where one looks in the scene before the head turns.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def _view(eye: EyePose, to_scene: Floats, position: Vector) -> EyeView:
 
 
 def head_direction(head: Pose) -> tuple[float, float]:
-    """Return where a head points: azimuth, clockwise from straight ahead as the session began, and altitude.
+    """Return where a head points: azimuth, clockwise from straight ahead, and altitude.
 
     Both in degrees.
 

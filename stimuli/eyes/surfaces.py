@@ -18,13 +18,13 @@ from evenlight.stimuli.scenes.engine.scene import Floats
 
 PANEL_DISTANCE = 1.5  # [m] ahead of the head: where most headsets' optics are sharp, or near it
 PANEL_WIDTH = 50.0  # [deg] seen from the middle between the eyes
-SCREEN_DISTANCE = 3.0  # [m] of a flat screen from where the head was when the session began
-HERE = Pose()  # where the head was when the session began
+SCREEN_DISTANCE = 3.0  # [m] of a flat screen from where the head was when straight ahead was set
+HERE = Pose()  # where the head was when straight ahead was set
 
 
 @dataclass(frozen=True, slots=True)
 class FlatScreen:
-    """A screen that stands straight ahead of where the head was when the session began.
+    """A screen that stands straight ahead of where the head was when that was set.
 
     Attributes
     ----------

@@ -27,6 +27,14 @@ def frame_of(turn=None, place=(0.0, 0.0, 0.0), eye_distance=0.063, fovs=FOVS) ->
     return HeadsetFrame(0.0, 1 / 90, (left, right), Pose(place, quaternion), visible=True, tracked=True)
 
 
+def since(pose: Pose, origin: Pose) -> tuple[np.ndarray, Rotation]:
+    """Return where a pose is, and how it is turned, as seen from another one's place and heading."""
+    right, _, back = Rotation.from_quat(origin.orientation).apply([0.0, 0.0, -1.0])
+    heading = Rotation.from_euler("y", np.arctan2(-right, -back))
+    place = heading.inv().apply(np.subtract(pose.position, origin.position))
+    return place, heading.inv() * Rotation.from_quat(pose.orientation)
+
+
 def projected(view: EyeView, points, size: tuple[int, int]) -> np.ndarray:
     """Return where an eye sees points of a scene, (n, 2): pixels to the right and down; nan behind it."""
     left, right, down, up = view.edges

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from headset_frames import since
 from played_in_headset import assert_factor_times_frames, block_means, dimmed, make_yard, play_yard, watch
 from scipy.spatial.transform import Rotation
 
@@ -209,10 +210,11 @@ def test_the_log_has_the_heads_pose_at_each_refresh(sequence: SceneSequence, ope
     for row, head in zip(rows, one.heads, strict=True):
         assert float(row["flip_time_s"]) == pytest.approx(head.display_time - first, abs=1e-9)
         if head.tracked:
-            wanted = looking(head.display_time)
+            place, turned = since(looking(head.display_time), looking(first))
             assert [float(row[name]) for name in HEAD_COLUMNS[:7]] == pytest.approx(
-                [*wanted.position, *wanted.orientation]
+                [*place, *turned.as_quat(canonical=True)], abs=1e-9
             )
+    assert {row["recentred"] for row in rows} == {"False"}
     assert {row["tracked"] for row in rows} == {row["visible"] for row in rows} == {"True", "False"}
     assert sum(int(row["refreshes_missed_by_runtime"]) for row in rows) == 1
     cut_short = replace(one, heads=one.heads[:-1])  # by Ctrl-C, before the last one's was taken
@@ -220,6 +222,24 @@ def test_the_log_has_the_heads_pose_at_each_refresh(sequence: SceneSequence, ope
     cut = list(csv.DictReader((tmp_path / "cut.csv").read_text().splitlines()))
     assert cut[:-1] == rows[:-1]
     assert [cut[-1][name] for name in HEAD_COLUMNS] == [""] * len(HEAD_COLUMNS)
+
+
+def test_a_film_stands_before_the_head_wherever_the_runtimes_axes_begin(opened) -> None:
+    """Of the middle of the left eye's picture, where only a screen straight ahead can be seen."""
+    axes = Rotation.from_euler("y", 120, degrees=True)
+    seen = []
+    for head in (Pose(), Pose((0.8, -0.45, 0.6), tuple(axes.as_quat().tolist()))):
+        devices = opened(HeadsetScript(head=lambda _, head=head: head))
+        window = devices.window
+        playing = Player(devices, of_squares(FlatScreen(60.0)), lambda _: None)
+        with pytest.MonkeyPatch.context() as patched:
+            given = watch(patched)
+            assert playing.play()
+        seen.append(given[-1].codes)
+        assert window.eyes().head == Pose((0, 0, 0), pytest.approx((0, 0, 0, 1)))
+    middle = seen[0][30:50, 38:58]
+    assert middle.min() > 100
+    np.testing.assert_allclose(seen[1], seen[0], atol=2)  # a sample on an edge may fall to either side
 
 
 def test_the_density_of_what_is_drawn_anew_is_the_headsets(sequence: SceneSequence, opened) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from headset_frames import since
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, HEADSET, MANIFEST, TRIALS
@@ -24,13 +25,14 @@ from evenlight.experiments.headset.headset_stage import (
     NOT_SHOWN,
     NOT_TRACKED,
     NOT_WORN,
+    RECENTRED,
 )
 from evenlight.experiments.run_session import SessionOutcome, SessionRequest, run_session
 from evenlight.experiments.sessions.pages import load_pages
 from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.staging import Staging
 from evenlight.hardware.presentation import headset_window
-from evenlight.hardware.presentation.headset_views import EyeFov, HeadsetFacts, centre_pixels_per_degree
+from evenlight.hardware.presentation.headset_views import EyeFov, HeadsetFacts, Pose, centre_pixels_per_degree
 from evenlight.hardware.protocols import InstrumentError, KeyPress
 from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset, gentle_motion
@@ -184,9 +186,15 @@ def test_a_session_is_the_same_again(lab: Laboratory, stored: Laboratory) -> Non
         assert lab.rows(file) == stored.kept("ramp").rows(file, "ramp")
 
 
+def distance(pose: Pose, place: np.ndarray, turned: np.ndarray, origin: Pose) -> float:
+    """How far a logged place and quaternion are from a pose as seen from an origin, at most."""
+    wanted, rotation = since(pose, origin)
+    return float(max(np.abs(place - wanted).max(), np.abs(turned - rotation.as_quat()).max()))
+
+
 @pytest.mark.parametrize("task", ["ramp", "comparison"])
 def test_each_shown_frame_is_logged_with_the_head_at_its_time(stored: Laboratory, task: str) -> None:
-    """A trial of a comparison has two intervals; the head of the script is where `gentle_motion` says."""
+    """A trial of a comparison has two intervals; where the head looks as each begins is straight ahead."""
     name = f"{task}-eager"
     lab = stored.kept(name)
     frames, logs = lab.rows(FRAMES, name), lab.rows(HEADSET, name)
@@ -197,9 +205,14 @@ def test_each_shown_frame_is_logged_with_the_head_at_its_time(stored: Laboratory
         times = np.array(log["display_times_s"])
         np.testing.assert_allclose(times - times[0], shown["flip_times_s"], atol=1e-8)
         poses = [gentle_motion(time + lab.began) for time in times]
-        np.testing.assert_allclose(log["head_right_m"], [p.position[0] for p in poses], atol=1e-6)
+        place = np.transpose([log[f"head_{axis}_m"] for axis in ("right", "up", "back")])
         turned = np.transpose([log[f"orientation_{axis}"] for axis in ("x", "y", "z", "real")])
-        np.testing.assert_allclose(turned, [p.orientation for p in poses], atol=1e-6)
+        # One origin for all of them: the head's place and heading at a refresh before the first one.
+        off = min(
+            max(distance(*one, origin) for one in zip(poses, place, turned, strict=True))
+            for origin in (gentle_motion(times[0] + lab.began - k / RATE) for k in range(20))
+        )
+        assert off < 3e-6
         assert set(log["late_frames"]) == {0}
         assert all(log["focused"])
         assert all(log["tracked"])
@@ -268,6 +281,27 @@ def test_a_trial_that_was_not_seen_is_shown_again(
     unseen = [log for log in lab.rows(HEADSET) if not all(log[column])]
     assert all((log["trial_index"], log["attempt"]) == (2, 1) for log in unseen)
     assert (2, 1) in [(log["trial_index"], log["attempt"]) for log in lab.rows(HEADSET)]
+
+
+@pytest.mark.parametrize("by", ["the runtime", "F4", "the menu button"])
+def test_a_trial_in_which_straight_ahead_is_set_anew_is_shown_again(
+    lab: Laboratory, stored: Laboratory, by: str
+) -> None:
+    """The head jumps with the runtime's axes: what is shown stands before it all the same."""
+    shown = stored.kept("ramp-eager").shown_at(2, 5, "ramp-eager")
+
+    def head(when: float) -> Pose:
+        return Pose((0.0, 0.0, 0.0 if when < shown else 2.0))
+
+    held = [KeyPress("menu_held", shown)] if by == "the menu button" else []
+    presses = sorted([*EAGER, *held], key=lambda press: press.time)
+    script = HeadsetScript(head=head, presses=presses, recentred=[shown] if by == "the runtime" else [])
+    mirror = Mirror(KeyPress("f4", shown)) if by == "F4" else None
+    assert lab.run(script=script, mirror=mirror).status is SessionStatus.COMPLETE
+    assert lab.happened("trial_interrupted") == [f"{RECENTRED}; it is shown again"]
+    assert [trial["attempt"] for trial in lab.rows()] == [1, 1, 2, *[1] * (len(lab.rows()) - 3)]
+    seen = [log for log in lab.rows(HEADSET) if (log["trial_index"], log["attempt"]) != (2, 1)]
+    assert {back for log in seen for back in log["head_back_m"]} == {0.0}
 
 
 def test_a_runtime_that_goes_away_costs_no_trial(lab: Laboratory, stored: Laboratory, command: Any) -> None:

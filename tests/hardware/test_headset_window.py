@@ -6,6 +6,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from headset_frames import since
+from scipy.spatial.transform import Rotation
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -100,14 +102,14 @@ def opened(predictions: list[float], **begun: Any) -> Headset:
 
 
 class Mirror:
-    def __init__(self, done: list[str]) -> None:
-        self._done = done
+    def __init__(self, done: list[str], *keys: str) -> None:
+        self._done, self._keys = done, keys or ("f1",)
 
     def show(self, framebuffer: Framebuffer, eye: Eye) -> None:
         self._done.append(f"show {eye.value}")
 
     def pressed(self) -> list[KeyPress]:
-        return [KeyPress("f1", 1.0)]
+        return [KeyPress(key, 1.0) for key in self._keys]
 
     def held(self) -> frozenset[str]:
         return frozenset({"w"})
@@ -147,6 +149,73 @@ def test_times_of_refreshes_are_those_of_the_predictions() -> None:
     assert due == [0.0, 0.02, 0.08, 0.1]
     assert refreshes.times() == (0.0, 0.02, 0.08)
     assert refreshes.dropped() == 2
+
+
+TURNED = Rotation.from_euler("YXZ", [120, 20, -10], degrees=True)  # to the left, up, to the right shoulder
+HERE = Pose((0.8, -0.45, 0.6), tuple(TURNED.as_quat().tolist()))
+
+
+def facing_back(when: float) -> Pose:
+    """A head 1.1 m off the runtime's origin, turned away; after 0.1 s it moves on by 0.3 m and 15 degrees."""
+    if when < 0.1:
+        return HERE
+    further = Rotation.from_euler("y", 15, degrees=True) * TURNED
+    return Pose((0.8, -0.45, 0.9), tuple(further.as_quat().tolist()))
+
+
+@pytest.mark.parametrize("script", [{}, {"untracked": [(0.0, 0.07)]}, {"unfocused": [(0.0, 0.03)]}])
+def test_the_heads_place_and_heading_are_the_origin_and_nod_and_tilt_stay(script: dict[str, Any]) -> None:
+    headset = SimulatedHeadset((64, 64), 50.0, HeadsetScript(head=facing_back, **script))
+    with rigs.open_window(RIG, headset=headset) as window:
+        for _ in range(2):  # the frame of 0.08 s is tracked and worn
+            window.flip()
+        frame = window.eyes()
+        level_head = Rotation.from_euler("XZ", [20, -10], degrees=True)
+        assert frame.head.position == pytest.approx((0, 0, 0))
+        assert frame.head.orientation == pytest.approx(level_head.as_quat())
+        for side, eye in zip((-1, 1), frame.eyes, strict=True):
+            assert eye.pose.position == pytest.approx(level_head.apply([side * 0.0315, 0, 0]))
+            assert eye.pose.orientation == frame.head.orientation
+        window.flip()
+        window.flip()
+        moved = window.eyes().head  # in the axes of before: 15 degrees further to the left
+        place, turned = since(facing_back(1.0), HERE)
+        assert moved.position == pytest.approx(place)
+        assert moved.orientation == pytest.approx(turned.as_quat())
+        window.recentre()
+        assert window.eyes().head.position == pytest.approx((0, 0, 0))
+        assert window.eyes().head.orientation == pytest.approx(level_head.as_quat())
+        assert not window.eyes().recentred
+
+
+def test_a_runtime_that_moves_its_origin_is_noted_and_followed() -> None:
+    """It takes the head of 0.1 s as its origin; the frame that appears then is the first in the new axes."""
+    script = HeadsetScript(head=lambda when: HERE if when < 0.1 else Pose(), recentred=[0.095])
+    with rigs.open_window(RIG, headset=SimulatedHeadset((64, 64), 50.0, script)) as window:
+        for _ in range(5):
+            assert window.eyes().head.position == pytest.approx((0, 0, 0))
+            window.flip()
+        assert [frame.recentred for frame in window.shown_frames()] == [False, False, False, True, False]
+
+
+@pytest.mark.parametrize("by", ["key", "button"])
+def test_the_operator_and_the_wearer_set_straight_ahead_anew(by: str) -> None:
+    held = [KeyPress("menu_held", 0.1)] if by == "button" else []
+    script = HeadsetScript(head=lambda when: Pose((when, 0.0, 0.0)), presses=[*held, KeyPress("menu", 0.1)])
+    with rigs.open_window(RIG, headset=SimulatedHeadset((64, 64), 50.0, script)) as window:
+        for _ in range(5):
+            window.flip()
+        assert window.eyes().head.position[0] == pytest.approx(0.1)
+        if by == "key":
+            window.mirror = Mirror([], "f4", "f1")
+            assert rigs.open_keyboard(window).pressed() == [KeyPress("f1", 1.0)]
+            window.mirror = None
+        else:
+            assert window.presses() == [KeyPress("menu", 0.1)]
+        assert (window.eyes().head.position[0], window.eyes().recentred) == (0.0, True)
+        window.flip()
+        assert window.shown_frames()[-1].recentred
+        assert not window.eyes().recentred
 
 
 def test_in_a_rehearsal_time_is_counted_and_the_frames_keep_the_runtimes_times() -> None:
@@ -296,7 +365,8 @@ def test_what_happens_to_the_headset_is_noted_with_its_frames() -> None:
     assert [frame.visible for frame in shown] == [True, False, True, True]
     assert [frame.focused for frame in shown] == [True, True, False, True]
     assert [frame.tracked for frame in shown] == [True, True, False, True]
-    np.testing.assert_allclose([frame.head.position[0] for frame in shown], [0.04, 0.06, 0.075, 0.12])
+    # from where the head was when the first one appeared
+    np.testing.assert_allclose([frame.head.position[0] for frame in shown], [0, 0.02, 0.035, 0.08], atol=1e-9)
 
 
 def test_the_presets_are_in_headsets_and_the_made_up_one_opens() -> None:

@@ -118,7 +118,7 @@ class FakeSession:
             **noted,
         )
         self.runtime.__dict__.update(runtime)
-        controllers = SimpleNamespace(sync=lambda: None)
+        controllers = SimpleNamespace(sync=lambda _: None)
         for name, made in (
             ("openxr_library", lambda: None),
             ("OpenXRRuntime", lambda _: self.runtime),
@@ -230,6 +230,16 @@ def test_a_refresh_rate_by_the_period_is_the_same_at_each_start(
     assert (facts.refresh_rate, facts.refresh_rates) == (90.0, ())
 
 
+def test_a_runtime_that_moves_its_origin_says_from_which_frame_on(fake: FakeSession) -> None:
+    """The next frames appear at 11, 12 and 13 periods; the space of the floor is none that is used."""
+    kinds = xr.ReferenceSpaceType
+    fake.events += [
+        xr.EventDataReferenceSpaceChangePending(reference_space_type=kind, change_time=time)
+        for kind, time in ((kinds.LOCAL, 12 * PERIOD - 1), (kinds.STAGE, 0))
+    ]
+    assert [fake.headset.begin_frame().recentred for _ in range(3)] == [False, True, False]
+
+
 @pytest.mark.parametrize("state", ["EXITING", "LOSS_PENDING"])
 def test_a_session_that_the_runtime_ends_is_told_in_one_line(fake: FakeSession, state: str) -> None:
     fake.says(getattr(xr.SessionState, state))
@@ -315,19 +325,20 @@ class FakeControllers:
     def after(self, seconds: float, stick: tuple[float, float] = (0.0, 0.0), **pushed: float) -> None:
         self.time, self.stick = round(seconds * SECOND), stick
         self.pushed |= pushed
-        self.controllers.sync()
+        self.controllers.sync(seconds)
 
 
 def test_presses_carry_their_names_and_the_runtimes_times() -> None:
     fake = FakeControllers()
     fake.after(1.0, trigger=0.3)
     fake.after(2.0, trigger=0.7, menu=1.0)
+    fake.after(2.5, trigger=0.5, menu=0.0)
     fake.after(3.0, trigger=0.5, stick=(-0.9, 0.2))  # the trigger was not let go
     fake.after(4.0, trigger=0.9, stick=(-0.5, 0.5))  # the stick did not come back
     fake.after(5.0, trigger=0.0)
     fake.after(6.0, trigger=1.0, stick=(0.1, -0.8))
     assert fake.controllers.presses() == [
-        KeyPress("trigger", 2.0), KeyPress("menu", 2.0), KeyPress("stick_left", 3.0),
+        KeyPress("trigger", 2.0), KeyPress("menu", 2.5), KeyPress("stick_left", 3.0),
         KeyPress("trigger", 6.0), KeyPress("stick_down", 6.0),
     ]  # fmt: skip
     assert fake.controllers.presses() == []
@@ -341,6 +352,19 @@ def test_without_focus_nothing_is_pressed_and_the_stick_stands_in_the_middle() -
     fake.after(2.0, trigger=1.0, stick=(1.0, 0.0))
     assert fake.controllers.presses() == [KeyPress("stick_right", 1.0)]
     assert fake.controllers.stick() == (0.0, 0.0)
+
+
+def test_a_menu_button_that_is_held_says_something_else_once() -> None:
+    """A press is told as it ends; one that the system's menu took is none."""
+    fake = FakeControllers()
+    for seconds, far in ((1.0, 1.0), (1.9, 1.0), (2.0, 1.0), (3.5, 1.0), (4.0, 0.0), (5.0, 1.0)):
+        fake.after(seconds, menu=far)
+    assert fake.controllers.presses() == [KeyPress("menu_held", 2.0)]
+    fake.focus = False
+    fake.after(5.2)
+    fake.focus = True
+    fake.after(5.4, menu=0.0)
+    assert fake.controllers.presses() == []
 
 
 def test_every_known_controller_is_suggested_and_one_that_the_runtime_lacks_is_skipped() -> None:
