@@ -240,6 +240,10 @@ def _run(given: Sequence[str]) -> NoReturn:
         _end(_system_error(error), 2)
     except MemoryError:
         _end("this needs more memory than there is; give less at a time", 2)
+    except Exception as error:
+        if type(error).__module__ != "_moderngl":  # not imported for this: most commands draw nothing
+            raise
+        _end(f"the graphics driver failed ({' '.join(str(error).split())}): update it, or draw smaller", 1)
     if code in STOPPED:  # Typer may have turned an interruption into its number
         _end(f"{STOPPED[code]}; nothing half-written is left", code)
     sys.exit(code or 0)

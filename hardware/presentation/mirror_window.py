@@ -103,6 +103,10 @@ class MirrorWindow(ContextDevice):
         """Return the graphics context."""
         return self._context
 
+    def make_current(self) -> None:
+        """Make the graphics context the thread's own again."""
+        self._glfw.make_context_current(self._window)
+
     def show(self, framebuffer: moderngl.Framebuffer, eye: Eye) -> None:
         """Show one eye's half of what was drawn; at most 30 times a second, and without waiting.
 

@@ -75,6 +75,7 @@ class OpenXRHeadset(HeadsetWindow):
                 self._require_tracking(self._runtime.system.tracking_properties.orientation_tracking)
                 self.mirror = MirrorWindow(self._eye_size, self.now, egl=self._runtime.offers(EGL))
                 opened.callback(self.mirror.close)
+                self._xr.afterwards = self.mirror.make_current
                 self._session = self._new_session()
                 opened.callback(self._end_session)
                 self._space = self._reference_space(self._xr.ReferenceSpaceType.LOCAL)
@@ -191,9 +192,15 @@ class OpenXRHeadset(HeadsetWindow):
         views = xr.enumerate_view_configuration_views(
             self._runtime.instance, self._runtime.system_id, xr.ViewConfigurationType.PRIMARY_STEREO
         )
-        return (
-            max(int(view.recommended_image_rect_width) for view in views),
-            max(int(view.recommended_image_rect_height) for view in views),
+        width = max(int(view.recommended_image_rect_width) for view in views)
+        height = max(int(view.recommended_image_rect_height) for view in views)
+        if min(width, height) < 1:
+            raise self._implausible(f"recommends pictures of {width} x {height} pixels")
+        return width, height
+
+    def _implausible(self, words: str) -> InstrumentError:
+        return InstrumentError(
+            f"the OpenXR runtime {self._runtime.name} {words}: start it again", Fault.IMPLAUSIBLE
         )
 
     def _require_tracking(self, known: object) -> None:
@@ -247,13 +254,17 @@ class OpenXRHeadset(HeadsetWindow):
         """Return what the runtime says; a resumed session finds the same refresh rate."""
         xr, system, left, right = self._xr, self._runtime.system, *frame.eyes
         rate, rates = 0.0, tuple[float, ...]()
+        for fov in (left.fov, right.fov):
+            wide, high = math.degrees(fov.right - fov.left), math.degrees(fov.up - fov.down)
+            if not (0 < wide < 180 and 0 < high < 180):
+                raise self._implausible(f"says that an eye sees {wide:.4g} by {high:.4g} degrees")
         if self._runtime.offers(REFRESH_RATES):
             with self._runtime.talking():
                 rate = getattr(xr.get_display_refresh_rate_fb(self._session), "value", 0.0)
                 rates = tuple(float(one) for one in xr.enumerate_display_refresh_rates_fb(self._session))
         return HeadsetFacts(
             runtime=self._runtime.name,
-            system=system.system_name.decode(),
+            system=system.system_name.decode(errors="replace"),
             eye_size=self._recommended,
             fovs=(left.fov, right.fov),
             refresh_rate=round(rate or 1 / self._period, 2),
@@ -318,22 +329,31 @@ class OpenXRHeadset(HeadsetWindow):
     def _locate(self) -> bool:
         """Note where head and eyes will be when the frame appears, and return whether the head is tracked.
 
-        What is not known stays as it was.
+        What is not known, or what the runtime fails to say, stays as it was.
         """
         xr = self._xr
         info = xr.ViewLocateInfo(xr.ViewConfigurationType.PRIMARY_STEREO, self._due, self._space)
-        state, views = xr.locate_views(self._session, info)
+        try:
+            state, views = xr.locate_views(self._session, info)
+            head = _pose(xr.locate_space(self._head_space, self._space, self._due).pose)
+        except xr.exception.XrException:  # that it went away, the next frame says
+            return False
         flags, bits = xr.ViewStateFlags(state.view_state_flags), xr.ViewStateFlags
-        if bits.ORIENTATION_VALID_BIT | bits.POSITION_VALID_BIT in flags:
-            self._views = views
-            left, right = (EyePose(_pose(view.pose), _fov(view.fov)) for view in views)
-            self._eyes = (left, right)
-            self._head = _pose(xr.locate_space(self._head_space, self._space, self._due).pose)
-        return bits.ORIENTATION_TRACKED_BIT in flags and bits.POSITION_VALID_BIT in flags
+        known = bits.ORIENTATION_VALID_BIT | bits.POSITION_VALID_BIT in flags
+        if not known or not _is_pose(head):
+            return False
+        left, right = (EyePose(_pose(view.pose), _fov(view.fov)) for view in views)
+        self._views, self._eyes, self._head = views, (left, right), head
+        return bits.ORIENTATION_TRACKED_BIT in flags
 
 
 def _as(event: Any, kind: Any) -> Any:
     return ctypes.cast(ctypes.byref(event), ctypes.POINTER(kind)).contents
+
+
+def _is_pose(pose: Pose) -> bool:
+    """Return whether the numbers that a runtime says are a place and a rotation."""
+    return math.isfinite(math.hypot(*pose.position)) and 0.5 < math.hypot(*pose.orientation) < 2.0
 
 
 def _pose(pose: Any) -> Pose:

@@ -11,6 +11,7 @@ import sys
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from types import FunctionType
 from typing import Any
 
 from evenlight.data_schema.errors import InputError
@@ -77,6 +78,37 @@ def quiet_terminal() -> Iterator[None]:
         os.close(nothing)
 
 
+class Library:
+    """pyopenxr, after whose functions the graphics context is current again, which a runtime may take away.
+
+    Parameters
+    ----------
+    xr : module
+        pyopenxr, of `openxr_library`.
+    """
+
+    def __init__(self, xr: Any) -> None:
+        self._xr, self.afterwards = xr, _nothing
+
+    def __getattr__(self, name: str) -> Any:
+        found = getattr(self._xr, name)
+        if not isinstance(found, FunctionType):
+            return found
+
+        def called(*arguments: Any, **options: Any) -> Any:
+            try:
+                return found(*arguments, **options)
+            finally:
+                self.afterwards()
+
+        setattr(self, name, called)
+        return called
+
+
+def _nothing() -> None:
+    """Leave the context as it is: there is none yet."""
+
+
 class OpenXRRuntime:
     """A runtime that answers, with a headset.
 
@@ -94,7 +126,7 @@ class OpenXRRuntime:
     """
 
     def __init__(self, xr: Any) -> None:
-        self.xr = xr
+        self.xr = xr = Library(xr)
         self._offered = self._extensions()
         clock = CLOCKS.get(sys.platform, TIMESPEC)
         for needed in (OPENGL, clock):
@@ -108,7 +140,7 @@ class OpenXRRuntime:
         try:
             with self._none_there():
                 properties = xr.get_instance_properties(self.instance)
-            self.name = f"{properties.runtime_name.decode()} ({properties.runtime_version})"
+            self.name = f"{properties.runtime_name.decode(errors='replace')} ({properties.runtime_version})"
             with self.talking(), quiet_terminal():
                 self.system_id = self._headset()
                 self.system = xr.get_system_properties(self.instance, self.system_id)
@@ -161,7 +193,7 @@ class OpenXRRuntime:
     def _extensions(self) -> set[str]:
         with self._none_there():
             found = self.xr.enumerate_instance_extension_properties()
-        return {one.extension_name.decode() for one in found}
+        return {one.extension_name.decode(errors="replace") for one in found}
 
     @contextmanager
     def _none_there(self) -> Iterator[None]:

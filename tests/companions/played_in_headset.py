@@ -4,7 +4,7 @@ import json
 import sys
 import types
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +13,14 @@ import numpy as np
 import pytest
 
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import Frame
 from evenlight.experiments.playback.clip_feeds import EyeSceneFeed
 from evenlight.experiments.playback.player import Dimming, Pass, Playback, PlaybackDevices, Player
 from evenlight.hardware.presentation.headset_views import HeadsetFrame
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.method.contrast.luminance import displayed_luminance, drawn_luminance
 from evenlight.stimuli.eyes.eye_views import eye_views
+from evenlight.stimuli.eyes.surfaces import FlatScreen
 from evenlight.stimuli.image_renderer import EyeImages
 from evenlight.stimuli.scenes.content import catalogue
 from evenlight.stimuli.scenes.engine.antialiasing import EYES
@@ -71,6 +73,32 @@ def make_yard(patched: pytest.MonkeyPatch, folder: Path) -> SceneSequence:
     module = types.SimpleNamespace(yard=yard)
     patched.setitem(sys.modules, "evenlight.stimuli.scenes.content.a_yard", module)
     return SceneSequence(SequenceFormat(48, 28, duration=2.0), str(file), Quality.COARSE)
+
+
+class Squares:
+    """A video of squares that become brighter from frame to frame, by default at 25 Hz."""
+
+    name, n_frames = "squares", 5
+
+    def __init__(self, step: float = 0.04) -> None:
+        self._step = step
+
+    def pixels(self, k: int) -> np.ndarray:
+        squares = np.kron(np.indices((4, 8)).sum(axis=0) % 2, np.ones((8, 8)))
+        return np.repeat((60 + 20 * k + 90 * squares)[..., np.newaxis], 3, axis=2).astype(np.uint8)
+
+    def frames(self) -> Iterator[Frame]:
+        for k in range(5):
+            yield Frame(k * self._step, self._step, self.pixels(k))
+
+    def sha256(self) -> str:
+        return ""
+
+
+def of_squares(surface: FlatScreen, step: float = 0.04) -> Playback:
+    factors = {dimming: factor * np.ones(5) for dimming, factor in zip(Dimming, (0.8, 0.5, 1.0), strict=True)}
+    times = step * np.arange(5)
+    return Playback(Squares(step), times, 5 * step, factors, (Dimming.OURS,), surface=surface)
 
 
 @dataclass(frozen=True)

@@ -9,10 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 from headset_frames import since
-from played_in_headset import assert_factor_times_frames, block_means, dimmed, make_yard, play_yard, watch
+from played_in_headset import (
+    Squares,
+    assert_factor_times_frames,
+    block_means,
+    dimmed,
+    make_yard,
+    of_squares,
+    play_yard,
+    watch,
+)
 from scipy.spatial.transform import Rotation
 
-from evenlight.data_schema.frame import Frame
 from evenlight.experiments.playback import player
 from evenlight.experiments.playback.play_video import VideoRequest
 from evenlight.experiments.playback.player import (
@@ -134,28 +142,6 @@ def test_a_frame_that_is_late_makes_no_step_faster_than_the_track(
     assert 0.1 < rates.max() <= 1 + 2e-6  # a third, where a busy machine shows three frames of the film
     if drawn:
         assert seen[-1] == 0.4  # more than a second after the track does
-
-
-class Squares:
-    """A video of squares that become brighter from frame to frame, at 25 Hz."""
-
-    name, n_frames = "squares", 5
-
-    def pixels(self, k: int) -> np.ndarray:
-        squares = np.kron(np.indices((4, 8)).sum(axis=0) % 2, np.ones((8, 8)))
-        return np.repeat((60 + 20 * k + 90 * squares)[..., np.newaxis], 3, axis=2).astype(np.uint8)
-
-    def frames(self) -> Iterator[Frame]:
-        for k in range(5):
-            yield Frame(k / 25, 0.04, self.pixels(k))
-
-    def sha256(self) -> str:
-        return ""
-
-
-def of_squares(surface: FlatScreen, **changes: object) -> Playback:
-    factors = {dimming: factor * np.ones(5) for dimming, factor in zip(Dimming, (0.8, 0.5, 1.0), strict=True)}
-    return Playback(Squares(), np.arange(5) / 25, 0.2, factors, (Dimming.OURS,), surface=surface, **changes)
 
 
 def test_a_flat_video_is_uploaded_when_a_frame_of_it_is_due_and_stands_in_the_dark(

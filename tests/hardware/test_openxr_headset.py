@@ -1,10 +1,10 @@
 """What a headset does as a runtime says, without a runtime: states, presses, refusals, keys of the mirror."""
 
 import ctypes
+import math
 import sys
 import time
 from collections.abc import Callable
-from contextlib import AbstractContextManager, nullcontext
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,6 +12,7 @@ import pytest
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
+from evenlight.hardware import headset_facts
 from evenlight.hardware.headset_facts import measure_headset
 from evenlight.hardware.presentation import openxr_headset, openxr_runtime
 from evenlight.hardware.presentation.headset_views import SRGB8_ALPHA8, EyeFov, EyePose, Pose
@@ -19,8 +20,9 @@ from evenlight.hardware.presentation.mirror_window import PLACES, MirrorWindow, 
 from evenlight.hardware.presentation.openxr_actions import PROFILES, Controllers, Edges, direction
 from evenlight.hardware.presentation.openxr_graphics import Swapchain
 from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
-from evenlight.hardware.presentation.openxr_runtime import OpenXRRuntime, openxr_library
+from evenlight.hardware.presentation.openxr_runtime import Library, OpenXRRuntime, openxr_library
 from evenlight.hardware.protocols import InstrumentError, KeyPress
+from evenlight.hardware.simulated.headset import SimulatedHeadset
 
 xr: Any = pytest.importorskip("xr")
 SECOND = 1_000_000_000  # [ns]
@@ -51,8 +53,7 @@ class FakeRuntime:
         self.time += 0.001
         return self.time
 
-    def talking(self) -> AbstractContextManager[None]:
-        return nullcontext()
+    talking = OpenXRRuntime.talking
 
     def close(self) -> None:
         pass
@@ -62,6 +63,9 @@ class FakeMirror:
     """A window and a context that draw nothing."""
 
     def __init__(self, *_: Any, **__: Any) -> None:
+        pass
+
+    def make_current(self) -> None:
         pass
 
     def context(self) -> Any:
@@ -97,11 +101,12 @@ class FakeSession:
         self.layers: list[int] = []
         self.slept: list[float] = []
         self.render, self.flags, self.waited = True, 15, 0
-        self.turned, self.period = 1.0, runtime.pop("period", PERIOD)
+        self.turned, self.period, self.size = 1.0, runtime.pop("period", PERIOD), runtime.pop("size", 320)
+        self.edges = runtime.pop("edges", (-0.8, 0.7, 0.75, -0.75))
         noted = {name: self._noting(name) for name in ("begin_session", "end_session", "begin_frame")}
         self.runtime = FakeRuntime(
             get_opengl_graphics_requirements_khr=lambda *_: None,
-            enumerate_view_configuration_views=lambda *_: 2 * [xr.ViewConfigurationView(320, 0, 240)],
+            enumerate_view_configuration_views=lambda *_: 2 * [xr.ViewConfigurationView(self.size, 0, 240)],
             create_session=lambda *_: xr.Session(),
             destroy_session=lambda _: None,
             create_reference_space=lambda *_: xr.Space(),
@@ -112,7 +117,7 @@ class FakeSession:
             end_frame=lambda _, info: self.layers.append(info.layer_count),
             locate_views=lambda *_: (
                 xr.ViewState(xr.ViewStateFlags(self.flags)),
-                [xr.View(self._pose(x), xr.Fovf(-0.8, 0.7, 0.75, -0.75)) for x in (-0.03, 0.03)],
+                [xr.View(self._pose(x), xr.Fovf(*self.edges)) for x in (-0.03, 0.03)],
             ),
             locate_space=lambda *_: xr.SpaceLocation(xr.SpaceLocationFlags(self.flags), self._pose(0.0)),
             **noted,
@@ -238,6 +243,73 @@ def test_a_runtime_that_moves_its_origin_says_from_which_frame_on(fake: FakeSess
         for kind, time in ((kinds.LOCAL, 12 * PERIOD - 1), (kinds.STAGE, 0))
     ]
     assert [fake.headset.begin_frame().recentred for _ in range(3)] == [False, True, False]
+
+
+def fails_once(fake: FakeSession, function: str) -> None:
+    plain = getattr(fake.runtime.xr, function)
+
+    def failed(*_: Any) -> None:
+        setattr(fake.runtime.xr, function, plain)
+        raise xr.exception.RuntimeFailureError
+
+    setattr(fake.runtime.xr, function, failed)
+
+
+@pytest.mark.parametrize("function", ["poll_event", "wait_frame", "begin_frame", "end_frame", "end_session"])
+def test_a_function_that_fails_once_is_told_in_one_line(fake: FakeSession, function: str) -> None:
+    def frames() -> None:
+        for states in ((), (xr.SessionState.STOPPING,)):
+            fake.says(*states)
+            fake.headset.begin_frame()
+            fake.headset.end_frame()
+
+    fails_once(fake, function)
+    with pytest.raises(InstrumentError, match=r"fake went away or failed \(XR_ERROR_RUNTIME_FAILURE") as told:
+        frames()
+    assert "\n" not in str(told.value)
+
+
+@pytest.mark.parametrize("way", ["locate_views", "locate_space", "turned"])
+def test_a_pose_that_fails_or_is_none_is_a_frame_whose_head_is_not_known(fake: FakeSession, way: str) -> None:
+    known = fake.headset.begin_frame()
+    if way == "turned":
+        fake.turned = math.nan
+    else:
+        fails_once(fake, way)
+    lost = fake.headset.begin_frame()
+    assert (lost.tracked, lost.eyes, lost.head) == (False, known.eyes, known.head)
+    fake.turned = 1.0
+    assert fake.headset.begin_frame().tracked
+
+
+@pytest.mark.parametrize(
+    ("odd", "message"),
+    [
+        ({"size": 0}, "recommends pictures of 0 x 240 pixels"),
+        ({"edges": (0.7, 0.7, 0.75, -0.75)}, "an eye sees 0 by 85.94 degrees"),
+        ({"edges": (-1.6, 1.6, 0.75, -0.75)}, "an eye sees 183.3 by 85.94 degrees"),
+    ],
+)
+def test_what_no_headset_has_is_told_in_one_line(
+    monkeypatch: pytest.MonkeyPatch, odd: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(InstrumentError, match=message) as told:
+        FakeSession(monkeypatch, **odd)
+    assert "\n" not in str(told.value)
+
+
+def test_the_graphics_context_is_made_current_after_each_function_even_one_that_fails() -> None:
+    def gone(*_: Any) -> None:
+        raise xr.exception.InstanceLostError
+
+    library, restored = Library(FakeRuntime(wait_frame=lambda _: "frame", end_frame=gone).xr), []
+    assert library.wait_frame(None) == "frame"  # before there is a context
+    library.afterwards = lambda: restored.append(1)
+    assert library.wait_frame(None) == "frame"
+    with pytest.raises(xr.exception.InstanceLostError):
+        library.end_frame(None)
+    assert library.Posef is xr.Posef  # records are pyopenxr's own
+    assert len(restored) == 2
 
 
 @pytest.mark.parametrize("state", ["EXITING", "LOSS_PENDING"])
@@ -522,3 +594,18 @@ def test_a_rig_on_a_screen_has_no_headset_to_measure() -> None:
     rig = Rig(name="desk", display="laptop-lcd", viewing_distance=0.6, refresh_rate=60.0)
     with pytest.raises(InputError, match="shows on screen 0"):
         measure_headset(rig, 2)
+
+
+def test_errors_of_the_graphics_library_are_told_in_one_line(
+    command: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A shader that does not compile: what a driver says of it has lines of its own."""
+
+    def drawn(*_: object, **__: object) -> None:
+        SimulatedHeadset((64, 64)).context().program(vertex_shader="#version 330\nvoid main() { x; }")
+
+    monkeypatch.setattr(headset_facts, "open_headset", drawn)
+    ended = command("measure", "headset", "--frames", 2, "--rig", "simulated-headset")
+    assert ended.code == 1
+    assert ended.err.startswith("evenlight: the graphics driver failed (")
+    assert ended.err.count("\n") == 1
