@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from threading import RLock
 from typing import Any
@@ -131,6 +132,7 @@ def new_figure(height: float | None = None, medium: FigureFormat = PAGE) -> Figu
     """
     figure = Figure(figsize=(medium.width, height or medium.height))
     FigureCanvasAgg(figure)
+    figure._repr_png_ = partial(png_bytes, figure)  # type: ignore[attr-defined] # what a notebook shows
     return figure
 
 

@@ -134,6 +134,14 @@ class Result(ABC):
     def __repr__(self) -> str:
         return f"<{self.heading}>\n{self.summary()}"
 
+    def __eq__(self, other: object) -> bool:
+        """Return whether another result has the same first lines and numbers."""
+        numbers = other.to_frame() if isinstance(other, Result) else None
+        return numbers is not None and repr(self) == repr(other) and self.to_frame().equals(numbers)
+
+    def __hash__(self) -> int:
+        return hash(repr(self))
+
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the heading, the first lines and the first figure."""
         lead, key_figures = self.first_lines

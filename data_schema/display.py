@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from os import PathLike
+from typing import Any
 
 from evenlight.data_schema.notebook import display_html
 from evenlight.data_schema.power_model import PanelKind
@@ -122,13 +123,13 @@ class Display:
         """Return what a notebook shows: what is known of the device, and its light."""
         return display_html(self)
 
-    def save(self, file: str | PathLike[str], *, force: bool = False) -> None:
-        """Write it as a toml file, which `load_display` and `--display` read.
+    def save(self: Any, file: str | PathLike[str], *, force: bool = False) -> None:
+        """Write it to a file, which `load` and the options of commands read.
 
         Parameters
         ----------
         file : str or path
-            Ending in .toml.
+            Ending in .toml; that of a rate limit in .json.
         force : bool, optional
             Whether to replace the file if it exists.
 
@@ -139,13 +140,16 @@ class Display:
         """
         from evenlight.data_schema.arguments import path
         from evenlight.data_schema.errors import ArgumentError
-        from evenlight.data_schema.storage.text_files import write_toml_record
+        from evenlight.data_schema.storage.text_files import write_json_record, write_toml_record
         from evenlight.data_schema.storage.whole_files import require_free
 
-        if path("file", file).suffix != ".toml":
-            raise ArgumentError("file", f"must end in .toml, got {file}")
+        write, ending = (
+            (write_toml_record, ".toml") if isinstance(self, Display) else (write_json_record, ".json")
+        )
+        if path("file", file).suffix != ending:
+            raise ArgumentError("file", f"must end in {ending}, got {file}")
         require_free(path("file", file), force=force)
-        write_toml_record(path("file", file), self)
+        write(path("file", file), self)
 
     @property
     def nyquist_frequency(self) -> float:

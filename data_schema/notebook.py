@@ -77,12 +77,11 @@ def limit_html(limit: RateLimit) -> str:
     """Return a rate limit at five of the luminances that were measured, with its band, and its curve."""
     import numpy as np
 
-    columns = ["luminance [cd/m²]", "limit [cd/m²/s]", *([limit.band_words] if limit.band_luminance else [])]
+    known, lower, upper = limit.band_luminance, limit.band_lower, limit.band_upper
+    columns = ["luminance [cd/m²]", "limit [cd/m²/s]", *([limit.band_words] if known else [])]
     rows = []
     for at in np.unique(np.geomspace(*limit.luminance_range, 5).round(9)).tolist():  # of one luminance: one
-        edges = [
-            np.interp(at, limit.band_luminance, edge) for edge in (limit.band_lower, limit.band_upper) if edge
-        ]
+        edges = [np.interp(at, known, edge) for edge in (lower, upper) if edge]
         band = [" to ".join(f"{edge:.3g}" for edge in edges)] if edges else []
         rows.append([f"{at:.3g}", f"{float(limit(at)):.3g}", *band])
     simulated = ", of simulated participants" if limit.simulated else ""
@@ -91,12 +90,9 @@ def limit_html(limit: RateLimit) -> str:
     if len(rows) == 1:
         return table
     x = np.linspace(*limit.luminance_range, 81).tolist()
-    lower, upper = (
-        list(zip(limit.band_luminance, edge, strict=True)) for edge in (limit.band_lower, limit.band_upper)
-    )
     curve = list(zip(x, limit(x).tolist(), strict=True))
-    axes = (columns[0], ", ".join([columns[1], *columns[2:]]))
-    return table + html_plot(axes, {"limit": curve}, lower + upper[::-1])
+    around = [*zip(known, lower, strict=True), *zip(known[::-1], upper[::-1], strict=True)]
+    return table + html_plot((columns[0], ", ".join(columns[1:])), {"limit": curve}, around)
 
 
 def display_facts(display: Display) -> dict[str, str]:
@@ -125,12 +121,8 @@ def display_facts(display: Display) -> dict[str, str]:
 def display_html(display: Display) -> str:
     """Return what is known of a display, and the light that it gives at three brightness factors."""
     rows = [[heading, said or "not known"] for heading, said in display_facts(display).items()]
-    x = [k / 40 for k in range(41)]
-    black, peak = display.black_level, display.peak_luminance
-    light = [(peak - black) * value**display.gamma + black for value in x]  # Eq. 1
-    curves = {
-        f"factor {b:g}": [(at, b * of + display.reflected_luminance) for at, of in zip(x, light, strict=True)]
-        for b in DIMMED
-    }
+    black, peak, reflected = display.black_level, display.peak_luminance, display.reflected_luminance
+    emitted = [(k / 40, (peak - black) * (k / 40) ** display.gamma + black) for k in range(41)]  # Eq. 1
+    curves = {f"factor {b:g}": [(at, b * light + reflected) for at, light in emitted] for b in DIMMED}
     axes = ("pixel value", "luminance [cd/m²]")
     return html_table(repr(display)[1:-1], rows) + html_plot(axes, curves)

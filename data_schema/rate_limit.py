@@ -57,6 +57,7 @@ class RateLimit:
     can be called: `limit(luminance)` is ΔL there.
     """
 
+    save = Display.save
     name: str = described("name of the rate limit")
     display_name: str = described("display that it was fitted on; it holds for no other")
     display_fingerprint: str = described("identity of that display's photometry")
@@ -116,7 +117,6 @@ class RateLimit:
         "holds any",
         default=False,
     )
-
     width: float | None = quantity(
         "1",
         "width of the median participant's psychometric function: ln(rate) from 5 % to 95 % of its rise; "

@@ -95,6 +95,7 @@ RIGHT_NAMES = {
 # Options of earlier versions, and why they are gone.
 GONE = {
     "tolerance": "it is gone: every frame is counted whole",
+    **dict.fromkeys(("progress", "quiet"), "in Python, evenlight.progress.in_notebooks = False turns it off"),
     **dict.fromkeys(("tune", "sweep"), "gains are tuned in a checkout, by python -m benchmarks.tune_gains"),
     "walk": "a walk is a command of its own, `evenlight walk SCENE`",
     "measure_power": "it is a command of its own, `evenlight measure played VIDEO TRACK`",

@@ -74,8 +74,8 @@ def ramps(participants: int = 8) -> pd.DataFrame:
         for luminance, rate in rng.permutation([(L, r) for L in LUMINANCES for r in (0.0, *RATES) * 6]):
             eye = PsychometricFunction(sensitivity * float(limit(luminance)), 1.6, 0.05, 0.02)
             seen = rng.random() < float(yes_probability(rate * luminance, eye))
-            answer = "yes" if seen else "no"
-            rows.append(_row(who, luminance_cd_m2=luminance, rate_cd_m2_s=rate * luminance, response=answer))
+            ramp = {"luminance_cd_m2": luminance, "rate_cd_m2_s": rate * luminance, "duration_s": 5.0}
+            rows.append(_row(who, **ramp, response="yes" if seen else "no"))
     return pd.DataFrame(rows)
 
 

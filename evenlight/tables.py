@@ -204,6 +204,8 @@ def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
         frame = table if isinstance(table, pd.DataFrame) else pd.DataFrame(table)
     except (TypeError, ValueError) as error:
         raise InputError(f"table must be a DataFrame or what pandas makes one of: {error}") from None
+    if "luminance_cd_m2" not in frame:  # as `trials.tsv` calls it
+        frame = frame.rename(columns={"initial_luminance_cd_m2": "luminance_cd_m2"})
     missing = [name for name in needed if name not in frame]
     if missing:
         has = ", ".join(map(str, frame.columns)) or "none"

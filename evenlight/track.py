@@ -44,7 +44,7 @@ from evenlight.data_schema.tracks.loss_curves import (
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.preset_files import load_contrast_model
+from evenlight.method.preset_files import load_contrast_model, load_display, load_rate_limit
 from evenlight.progress import shown_progress
 from evenlight.stimuli.dimmed.apply_options import (
     AppliedVersion,
@@ -311,18 +311,28 @@ class Track(Result):
         return "optimize" if self.outcome.control is None else "control"
 
 
-def load(folder: Named) -> Track:
-    """Return the track in a folder that `Track.save` or `evenlight optimize` has written.
+OPENED = {".toml": load_display, ".json": load_rate_limit, ".npz": read_loss_curves}
+
+
+def load(folder: Named) -> Any:
+    """Return what was saved: the track of a folder, the display (.toml), limit (.json) or curves of a file.
 
     Raises
     ------
     InputError
-        If a file is missing or damaged.
+        If a file is missing or damaged, or the folder holds another result.
     """
     of = path("folder", folder)
+    if of.suffix in OPENED and not of.is_dir():
+        return OPENED[of.suffix](of)
     if not of.is_dir():
         raise InputError(
             f"{of}: no such folder; give one that `Track.save` or `evenlight optimize` has written"
+        )
+    if not (of / TRACK).exists():
+        raise InputError(
+            f"{of}: holds no track; of other results read the tables with pandas and rate limits with "
+            "`load_rate_limit`, or make the result anew of the same data"
         )
     track = Track(
         read_track(of / TRACK),

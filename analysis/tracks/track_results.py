@@ -56,8 +56,7 @@ def run_optimization(job: OptimizationJob, folder: Path) -> OptimizationSummary:
     if several:
         write_json_record(folder / SUMMARY, summary)
     if job.price and summary.watched and not job.robust:
-        with shown_progress(job.quiet) as progress:
-            progress.step(f"price of invisibility of {summary.video}")
+        with shown_progress(job.quiet, f"price of invisibility of {summary.video}"):
             write_drawing(folder, price_figure(job, [curves for curves, _ in clips], summary))
     for number, ((curves, data), recorder) in enumerate(zip_longest(clips, recorders), start=1):
         path = folder / clip_folder(number, curves.video) if several else folder
@@ -76,8 +75,7 @@ def run_control(asked: ControlJob, folder: Path) -> tuple[OptimizationSummary, f
     recorder = next(iter(_recorders(job)), None)
     curves = loss_curves_of(job, samples, None if recorder is None else recorder.watch)
     curves_s = time.perf_counter() - began
-    with shown_progress(job.quiet) as progress:
-        progress.step(f"controlling {curves.video}")
+    with shown_progress(job.quiet, f"controlling {curves.video}"):
         drawn, ratio, warnings = control_video(curves, asked, samples, curves_s)
     _write_track(curves, drawn, job, folder, recorder)
     return drawn.summary, ratio, warnings
@@ -92,8 +90,7 @@ def _write_track(
     curves: LossCurves, data: DrawnTrack, job: OptimizationJob, folder: Path, recorder: PictureRecorder | None
 ) -> None:
     write_track_files(folder, data.track, data.summary, curves)
-    with shown_progress(job.quiet) as progress:
-        progress.step(f"drawing {curves.video}")
+    with shown_progress(job.quiet, f"drawing {curves.video}"):
         _draw(data, curves.display, job.model, folder)
     if recorder is not None:
         write_player_page(folder / PLAYER, player_content(job, data, curves, recorder))

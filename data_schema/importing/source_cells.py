@@ -29,6 +29,7 @@ ALSO_CALLED = {
     "n_yes": ("k",),
     "n_ours": ("k",),
     "n_trials": ("n",),
+    "initial_luminance": ("luminance_cd_m2",),  # in our tables
 }
 MISSING = frozenset({"", "n/a", "na", "nan", "none", "null"})  # in small letters; PsychoPy writes None
 TRUTHS = {"true": True, "yes": True, "1": True, "false": False, "no": False, "0": False}
@@ -72,7 +73,7 @@ def taken_columns(table: ForeignTable, asked: ImportRequest) -> ImportRequest:
     for name in (*columns, *asked.wide):
         theirs, own = columns.get(name, ""), asked.fields[name]
         has_unit = own.metadata.get("unit", "1") == "1" or name in asked.units
-        if not has_unit and theirs.lower() != file_key(own):
+        if not has_unit and theirs.lower() not in (file_key(own), *ALSO_CALLED.get(name, ())):
             raise _unknown_unit(table, theirs or asked.wide[name], own)
     return dataclasses.replace(asked, columns=columns)
 

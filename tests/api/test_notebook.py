@@ -30,11 +30,13 @@ def test_a_display_is_shown_saved_and_read_back(tmp_path: Path) -> None:
     assert whole[20][1] == pytest.approx(160 - 130 * (0.5**2.2 + 0.2324 / 395), abs=0.1)
     assert [160 - y for _, y in half] == pytest.approx([(160 - y) / 2 for _, y in whole], abs=0.1)
     display.save(tmp_path / "own.toml")
-    assert evenlight.load_display(tmp_path / "own.toml") == display
+    assert evenlight.load_display(tmp_path / "own.toml") == evenlight.load(tmp_path / "own.toml") == display
     with pytest.raises(evenlight.InputError, match="is there already"):
         display.save(tmp_path / "own.toml")
     with pytest.raises(evenlight.InputError, match=r"must end in \.toml"):
         display.save(tmp_path / "own.json")
+    with pytest.raises(evenlight.InputError, match=r"must end in \.json"):
+        evenlight.load_rate_limit("surace2025").save(tmp_path / "limit.toml")
 
 
 def test_a_rate_limit_is_shown_with_its_band() -> None:

@@ -7,11 +7,9 @@ from typing import Any
 
 import pytest
 
-Messages = list[tuple[str, str, str]]
-
 
 @pytest.fixture(scope="module")
-def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], Messages]]:
+def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], list[tuple[str, str, str]]]]:
     """Run a cell, and return what it shows: kind of message, its place, its page."""
     manager = pytest.importorskip("jupyter_client.manager", reason="nbclient is not installed: make test")
     with pytest.MonkeyPatch.context() as patch:
@@ -19,7 +17,7 @@ def cell(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Callable[[str], M
             patch.setenv(name, str(tmp_path_factory.mktemp(name)))
         with manager.run_kernel(kernel_name="python3", cwd=tmp_path_factory.mktemp("kernel")) as client:
 
-            def run(code: str) -> Messages:
+            def run(code: str) -> list[tuple[str, str, str]]:
                 said: list[dict[str, Any]] = []
                 ended = client.execute_interactive(code, output_hook=said.append, timeout=300)
                 assert ended["content"]["status"] == "ok", ended["content"].get("evalue")

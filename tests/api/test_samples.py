@@ -31,6 +31,9 @@ def test_the_clip_is_three_seconds_whose_light_moves(tmp_path: Path) -> None:
 
 def test_ramps_give_the_rate_limit_that_they_were_drawn_from() -> None:
     fit = evenlight.fit_ramps(samples.ramps())
+    as_in_trials = {"luminance_cd_m2": "initial_luminance_cd_m2"}
+    assert evenlight.fit_ramps(samples.ramps().rename(columns=as_in_trials)) == fit
+    assert evenlight.fit_ramps(samples.ramps(7)) != fit
     assert fit.rate_limit.simulated
     assert "simulated" in fit.heading
     truth = evenlight.load_rate_limit("surace2025")
@@ -47,14 +50,15 @@ def test_a_table_is_the_same_each_time_and_says_that_nobody_answered(name: str) 
     assert found.sections[0].simulated
 
 
-@pytest.mark.parametrize("task", ["rating", "comparison", "search"])
+@pytest.mark.parametrize("task", ["rating", "comparison", "search", "ramp"])
 def test_a_table_that_is_kept_is_imported_as_it_stands(
     tmp_path: Path, command: Callable[..., Any], task: str
 ) -> None:
     getattr(samples, "searches" if task == "search" else f"{task}s")(3).to_csv(
         tmp_path / "kept.csv", index=False
     )
-    ended = command("import", tmp_path / "kept.csv", "--task", task, "--out", tmp_path / "lab")
+    shown_on = ("--display", "varjo-xr3") if task == "ramp" else ()
+    ended = command("import", tmp_path / "kept.csv", "--task", task, *shown_on, "--out", tmp_path / "lab")
     assert (ended.code, "simulated: all rows say so" in ended.out) == (0, True), ended.err
 
 
