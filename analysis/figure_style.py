@@ -1,25 +1,35 @@
-"""One look for every figure: media, colours, type, and PNG files that are the same on every run."""
+"""One look for every figure: media, colours, type, and files that are the same on every run."""
 
 from __future__ import annotations
 
 import io
+import itertools
+import re
 import textwrap
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from threading import RLock
 from typing import Any
 
-from matplotlib import rc_context, rcParams, rcParamsDefault
+from matplotlib import rc_context, rc_params_from_file, rcParams, rcParamsDefault
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.collections import Collection
+from matplotlib.colors import get_named_colors_mapping, to_rgba
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont, get_font
+from matplotlib.lines import Line2D
+from matplotlib.text import Text
 from matplotlib.ticker import FuncFormatter
 
+from evenlight.data_schema.arguments import must_be_one_of
+from evenlight.data_schema.errors import ArgumentError
+from evenlight.data_schema.mapping import unknown_key
+from evenlight.data_schema.storage.text_files import read_text
 from evenlight.data_schema.storage.whole_files import write_whole
 
 # After Tol (2021), "Colour schemes": distinguishable with any colour vision, and in print without colour.
@@ -34,10 +44,17 @@ FAINT = "#D9DDE2"
 
 QUICK_MARK = "QUICK RUN"  # across figures that are no result
 PERCENT = FuncFormatter(lambda share, _: f"{100 * share:.6g} %")  # an axis of shares
-_MARK: ContextVar[str] = ContextVar("mark", default="")
+KINDS = ("svg", "pdf")  # of files that a figure can have beside its PNG
+LOOKED_UP = ("color", "markerfacecolor", "markeredgecolor", "facecolor", "edgecolor")
+_BEGUN: list[Figure] = []  # in the look in force
 _DRAWING = RLock()  # matplotlib's settings are those of the process
-# A `matplotlibrc` of the current folder may say others, and run LaTeX.
+# A `matplotlibrc` of the current folder may say others, and run LaTeX. DejaVu Sans comes with Matplotlib.
 _DEFAULTS: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
+_DEFAULTS |= {"savefig.dpi": "figure", "pdf.fonttype": 42}
+_DEFAULTS |= {"svg.fonttype": "none", "svg.hashsalt": "evenlight", "font.sans-serif": ["DejaVu Sans"]}
+# What a file would otherwise say of the time and the software.
+UNSAID = {"png": "Software", "svg": "Date Creator", "pdf": "CreationDate Creator Producer"}
+OURS_ALONE = re.compile(r"backend|figure\.(?!facecolor|dpi)|text\.(usetex|parse_math)")  # "50 %$.mp4"
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,39 +82,35 @@ class FigureFormat:
         return self.font_size / 72
 
 
+@dataclass(frozen=True, slots=True)
+class FiguresAsked:
+    """How figures are drawn and written, and in other processes for the same result."""
+
+    mark: str = ""  # across each
+    kinds: tuple[str, ...] = ()  # of files beside the PNG
+    style: dict[Any, Any] = field(default_factory=dict)  # settings of a style sheet
+
+
+ASKED: ContextVar[FiguresAsked] = ContextVar("asked", default=FiguresAsked())  # noqa: B039 - frozen
 PAGE = FigureFormat(width=8.0, height=8.2, font_size=9.0, dots_per_inch=200.0)  # the report, a supplement
 
 
 @contextmanager
 def look(medium: FigureFormat = PAGE) -> Iterator[None]:
     """Draw for a medium, one thread at a time: `with look(): ...`."""
-    size = medium.font_size
+    style = ASKED.get().style
+    size = style.get("font.size", medium.font_size)
     hair = size / 11
     settings: dict[Any, Any] = {
-        "font.family": "DejaVu Sans",  # comes with matplotlib: the same on every computer
         "font.size": size,
         "mathtext.fontset": "dejavusans",
         "axes.titlesize": size,
         "axes.labelsize": size,
-        "xtick.labelsize": size * 0.92,
-        "ytick.labelsize": size * 0.92,
         "legend.fontsize": size * 0.95,
         "text.color": INK,
         "axes.labelcolor": INK,
         "axes.edgecolor": MUTED,
-        "xtick.color": MUTED,
-        "ytick.color": MUTED,
-        "xtick.labelcolor": INK,
-        "ytick.labelcolor": INK,
         "axes.linewidth": hair,
-        "xtick.major.width": hair,
-        "ytick.major.width": hair,
-        "xtick.minor.width": hair * 0.6,
-        "ytick.minor.width": hair * 0.6,
-        "xtick.major.size": size * 0.35,
-        "ytick.major.size": size * 0.35,
-        "xtick.minor.size": size * 0.2,
-        "ytick.minor.size": size * 0.2,
         "lines.linewidth": size / 5.5,
         "lines.markersize": size * 0.5,
         "hatch.linewidth": hair * 0.7,
@@ -112,27 +125,46 @@ def look(medium: FigureFormat = PAGE) -> Iterator[None]:
         "legend.columnspacing": 1.6,
         "figure.facecolor": "white",
         "figure.dpi": medium.dots_per_inch,
-        "savefig.dpi": "figure",
         "path.simplify": True,
         "text.parse_math": False,  # a "$" in the name of a video is a dollar
     }
-    with _DRAWING, rc_context(_DEFAULTS | settings):
+    for ticks in ("xtick", "ytick"):
+        settings |= {f"{ticks}.labelsize": size * 0.92, f"{ticks}.color": MUTED, f"{ticks}.labelcolor": INK}
+        settings |= {f"{ticks}.major.width": hair, f"{ticks}.minor.width": hair * 0.6}
+        settings |= {f"{ticks}.major.size": size * 0.35, f"{ticks}.minor.size": size * 0.2}
+    with _DRAWING, rc_context(_DEFAULTS | settings | style), _colours_of(style):
         yield
 
 
-def new_figure(height: float | None = None, medium: FigureFormat = PAGE) -> Figure:
-    """Return an empty figure as wide as the medium, drawn by Agg and known to no window.
+@contextmanager
+def _colours_of(style: Mapping[str, Any]) -> Iterator[None]:
+    """Have the colours of a style sheet in place of ours: those of its lines, of words, axes and grid."""
+    cycle = style["axes.prop_cycle"].by_key().get("color", ()) if "axes.prop_cycle" in style else ()
+    theirs = dict(zip((OURS, BASELINE, LIMIT, LOST, PARTICIPANT), cycle, strict=False))
+    words = {INK: "text.color", MUTED: "axes.edgecolor", FAINT: "grid.color"}
+    theirs |= {ours: style[key] for ours, key in words.items() if key in style}
+    named = get_named_colors_mapping()  # Matplotlib looks there first, whatever a colour is called
+    _BEGUN.clear()
+    try:
+        for ours, own in theirs.items():
+            named[ours] = to_rgba(own)
+        yield
+        drawn = (one for figure in _BEGUN for one in figure.findobj() if theirs)
+        for one, part in itertools.product(drawn, LOOKED_UP):  # else Matplotlib looks it up when it draws
+            if isinstance(one, Line2D | Text | Collection) and hasattr(one, f"get_{part}"):
+                colour = getattr(one, f"get_{part}")()
+                one.set(**{part: to_rgba(colour) if isinstance(colour, str) else colour})
+    finally:
+        for ours in theirs:
+            del named[ours]
 
-    Parameters
-    ----------
-    height : float, optional
-        Of the figure [inch]; otherwise the medium's.
-    medium : FigureFormat
-        Where it is shown.
-    """
+
+def new_figure(height: float | None = None, medium: FigureFormat = PAGE) -> Figure:
+    """Return an empty figure as wide as a medium and so high [inch], or as high; no window knows it."""
     figure = Figure(figsize=(medium.width, height or medium.height))
     FigureCanvasAgg(figure)
     figure._repr_png_ = partial(png_bytes, figure)  # type: ignore[attr-defined] # what a notebook shows
+    _BEGUN.append(figure)
     return figure
 
 
@@ -140,9 +172,8 @@ def axes_at(figure: Figure, left: float, top: float, width: float, height: float
     """Return new axes with their upper left corner at so many inches from that of the figure."""
     full_width, full_height = figure.get_size_inches()
     bottom = full_height - top - height
-    return figure.add_axes(
-        (left / full_width, bottom / full_height, width / full_width, height / full_height)
-    )
+    place = (left / full_width, bottom / full_height, width / full_width, height / full_height)
+    return figure.add_axes(place)
 
 
 def text_at(figure: Figure, left: float, top: float, words: str, **style: Any) -> None:
@@ -177,10 +208,8 @@ def text_lines(words: str, top: float, width: float, style: dict[str, Any]) -> t
     """Return words broken to a width [inch], from `top` down, and where they end."""
     size = style.get("fontsize", rcParams["font.size"]) / 72
     letter = (0.66 if "fontweight" in style else 0.52) * size  # mean advance of DejaVu Sans
-    lines = textwrap.wrap(words, max(int(width / letter), 10), break_on_hyphens=False)
-    return [(part, top + k * 1.45 * size, style) for k, part in enumerate(lines)], top + len(
-        lines
-    ) * 1.45 * size
+    lines, step = textwrap.wrap(words, max(int(width / letter), 10), break_on_hyphens=False), 1.45 * size
+    return [(part, top + k * step, style) for k, part in enumerate(lines)], top + len(lines) * step
 
 
 def lines_at(figure: Figure, left: float, lines: Sequence[Line]) -> None:
@@ -248,30 +277,76 @@ def short(value: float) -> str:
     return f"{value:.3g}"
 
 
-def png_bytes(figure: Figure) -> bytes:
-    """Return a figure as a PNG without date or versions: equal figures give equal bytes."""
+def png_bytes(figure: Figure, kind: str = "png") -> bytes:
+    """Return a figure as a PNG, SVG or PDF without date or versions: equal figures give equal bytes."""
     stream = io.BytesIO()
-    words = _MARK.get()
-    size = 90 * figure.get_figwidth() / max(len(words), 1)  # letters are about 0.6 of it wide
-    mark = figure.text(
-        0.5, 0.5, words, rotation=20, size=size, color=LIMIT, alpha=0.25, ha="center", va="center"
-    )
-    with _DRAWING, rc_context(_DEFAULTS | {"savefig.dpi": "figure"}):
-        figure.savefig(stream, format="png", metadata={"Software": None})
+    asked = ASKED.get()
+    size = 90 * figure.get_figwidth() / max(len(asked.mark), 1)  # letters are about 0.6 of it wide
+    middle: dict[str, Any] = {"ha": "center", "va": "center", "rotation": 20, "alpha": 0.25}
+    with _DRAWING, rc_context(_DEFAULTS | asked.style):
+        mark = figure.text(0.5, 0.5, asked.mark, size=size, color=LIMIT, **middle)
+        figure.savefig(stream, format=kind, metadata=dict.fromkeys(UNSAID[kind].split()))
     mark.remove()
     return stream.getvalue()
 
 
+def write_figure(path: Path, figure: Figure) -> bytes:
+    """Write a figure as a PNG file, whole, and beside it as what else is asked for; return the PNG."""
+    files = {kind: png_bytes(figure, kind) for kind in ("png", *ASKED.get().kinds)}
+    for kind, content in files.items():
+        write_whole(path.with_suffix(f".{kind}"), content)
+    return files["png"]
+
+
 @contextmanager
-def marked_figures(words: str) -> Iterator[None]:
-    """Write words across every figure that is made meanwhile; nothing where they are empty."""
-    token = _MARK.set(words)
+def figures_like(asked: FiguresAsked) -> Iterator[None]:
+    """Draw and write figures meanwhile as is asked."""
+    token = ASKED.set(asked)
     try:
         yield
     finally:
-        _MARK.reset(token)
+        ASKED.reset(token)
 
 
-def write_png(path: Path, figure: Figure) -> None:
-    """Write a figure as a PNG file, whole."""
-    write_whole(path, png_bytes(figure))
+def marked_figures(words: str) -> AbstractContextManager[None]:
+    """Write words across every figure that is made meanwhile; nothing where they are empty."""
+    return figures_like(replace(ASKED.get(), mark=words))
+
+
+def figures_as(*kinds: str, style: str | Path | None = None) -> AbstractContextManager[None]:
+    """Write figures for a paper: in the block, each PNG that is written has an SVG or a PDF beside it.
+
+    Text in an SVG stays text, and a PDF holds its fonts. A style sheet counts for what is drawn in the block:
+    its first five colours are those of track, constant dimming, limits, losses and participants.
+
+    Parameters
+    ----------
+    *kinds : str
+        "svg", "pdf", or both.
+    style : str or path, optional
+        A style sheet of Matplotlib (`.mplstyle`).
+
+    Raises
+    ------
+    InputError
+        If there is no such kind, or the style sheet cannot be used.
+    """
+    for kind in kinds:
+        if kind not in KINDS:
+            raise must_be_one_of("figures", kind, KINDS)
+    settings = {} if style is None else _settings_of(str(style))
+    return figures_like(replace(ASKED.get(), kinds=kinds, style=settings))
+
+
+def _settings_of(style: str) -> dict[Any, Any]:
+    text = read_text(Path(style), "a style sheet of Matplotlib")
+    try:
+        settings = rc_params_from_file(style, fail_on_error=True, use_default_template=False)
+    except ValueError as error:
+        raise ArgumentError("figure_style", f"{style}: {error}") from None
+    for key in re.findall(r"^[ \t]*([^#\s:]+)", text, re.MULTILINE):
+        if key not in settings:
+            raise ArgumentError("figure_style", f"{style}: {unknown_key(key, rcParamsDefault)}")
+    kept: dict[Any, Any] = {key: value for key, value in settings.items() if not OURS_ALONE.match(key)}
+    families = [own for of in kept.get("font.family", ["sans-serif"]) for own in kept.get(f"font.{of}", [of])]
+    return kept | {"font.family": [*families, "DejaVu Sans"]}  # for letters that theirs lack

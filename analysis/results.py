@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from matplotlib.figure import Figure
 
-from evenlight.analysis.figure_style import png_bytes
+from evenlight.analysis.figure_style import png_bytes, write_figure
 from evenlight.analysis.integrity.concern import Concern
 from evenlight.analysis.report import KeyFigure, Picture, Section
 from evenlight.data_schema.analysis_results import PlottedPoint, Statistic
@@ -21,7 +21,6 @@ from evenlight.data_schema.arguments import must_be_one_of, path
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.storage.result_folders import result_folder
 from evenlight.data_schema.storage.tables import write_rows
-from evenlight.data_schema.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -227,5 +226,5 @@ class Analysis(Result):
 
 def write_drawing(folder: Path, drawing: Drawing) -> None:
     """Write `DRAWING.png` and `DRAWING_points.csv`."""
-    write_whole(folder / f"{drawing.name}.png", drawing.png)
+    write_figure(folder / f"{drawing.name}.png", drawing.figure)
     write_rows(folder / f"{drawing.name}_points.csv", PlottedPoint, drawing.points)

@@ -26,7 +26,7 @@ GROUPS = {
     ),
     "A brightness track": ("optimize", "Track", "load", "loss_curves", "LossCurves", "frame_loss"),
     "Online": ("OnlineController",),
-    "Data": ("fit_ramps", "RampFit", "analyze", "Analysis"),
+    "Data": ("fit_ramps", "RampFit", "analyze", "Analysis", "figures_as"),
     "Tasks of your own": ("register_task", "TaskDeclaration"),
     "Drivers of your own": (
         "Driver", "LuminanceMeter", "PowerMeter", "Backlight", "Reading", "PowerSample",

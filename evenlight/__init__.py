@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from evenlight.analysis.calibration.ramp_fit import RampFit
+    from evenlight.analysis.figure_style import figures_as
     from evenlight.analysis.results import Analysis
     from evenlight.data_schema.display import Display
     from evenlight.data_schema.errors import InputError
@@ -64,6 +65,7 @@ _MODULES = {
     "tables": "fit_ramps analyze",
     "analysis.calibration.ramp_fit": "RampFit",
     "analysis.results": "Analysis",
+    "analysis.figure_style": "figures_as",
     "registered_tasks": "register_task TaskDeclaration ViewingTaskDeclaration",  # the last: its earlier name
     "data_schema.errors": "InputError",
     "hardware.protocols": "Backlight ContextDevice Fault InstrumentError LuminanceMeter PowerMeter Reading",
@@ -78,8 +80,8 @@ __all__ = [
     "Fault", "Frame", "InputError", "InstrumentError", "LineSettings", "LossCurves",
     "LuminanceMeter", "OnlineController", "PanelKind", "PowerMeter", "PowerModel", "PowerSample", "RampFit",
     "RateLimit", "RateLimitForm", "Reading", "SerialLink", "TaskDeclaration", "Track",
-    "analyze", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model", "load_rate_limit",
-    "loss_curves", "open_video", "optimize", "register_task", "restore_and_release",
+    "analyze", "figures_as", "fit_ramps", "frame_loss", "load", "load_display", "load_power_model",
+    "load_rate_limit", "loss_curves", "open_video", "optimize", "register_task", "restore_and_release",
 ]  # fmt: skip
 
 

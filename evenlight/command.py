@@ -46,7 +46,7 @@ from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.help_pages import HelpfulCommand, HelpfulGroup
-from evenlight.option_panels import GONE, RIGHT_NAMES, declared_by_name
+from evenlight.option_panels import GONE, RIGHT_NAMES, added, declared_by_name, expert
 from evenlight.registered_tasks import load_tasks
 from evenlight.result_requests import ANY_SIZE, kinds_in_file, problems_in, recorded, told_as_given
 from evenlight.stimuli import apply_command, track_command
@@ -87,6 +87,7 @@ def start(
 
     `evenlight COMMAND --help` explains a command, and ends with two examples. With --quiet, commands
     print only their results: no progress, no closing lines. With --large-ok, they read files of any size.
+    With --figures svg or pdf, they write figures as such, too; --figure-style FILE.mplstyle is their look.
     """
     if version:
         import evenlight
@@ -110,6 +111,26 @@ def _request_problems(request: ResultRequest) -> Iterator[tuple[str, str]]:
     mounted = next(group[request.command] for group in COMMANDS.values() if request.command in group)
     command = typer.main.get_command(app).commands[request.command]  # type: ignore[attr-defined] # of a group
     return problems_in(request, command, kinds_in_file(signature(mounted, eval_str=True)))
+
+
+def draws(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Return a command that writes figures as one that takes how they are written and drawn."""
+
+    @functools.wraps(command)
+    def drawn(figures: list[str] | None = None, figure_style: str | None = None, **given: Any) -> Any:
+        from evenlight.analysis.figure_style import figures_as
+
+        with figures_as(*figures or (), style=figure_style):
+            return command(**given)
+
+    declared = signature(command, eval_str=True)
+    every = [
+        *declared.parameters.values(),
+        added("figures", list[str], expert(help="Write figures as such, too; may be given twice.")),
+        added("figure_style", str, expert(help="Style sheet (.mplstyle) that figures follow.")),
+    ]
+    drawn.__signature__ = declared.replace(parameters=every)  # type: ignore[attr-defined] # Typer reads it
+    return drawn
 
 
 def guarded(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -137,15 +158,15 @@ class _Command(HelpfulCommand):
 # The groups of `evenlight --help`, in the order of `help_pages.GROUPS`; what is used most comes first.
 COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
     "Start here": {
-        "demo": demo_command.demo,
+        "demo": draws(demo_command.demo),
         "displays": displays_command.displays,
         "new": new_command.new,
     },
     "Video": {
-        "optimize": recorded("optimize", optimize_command.optimize),
-        "catalogue": recorded("catalogue", catalogue_command.catalogue),
-        "control": recorded("control", control_command.control),
-        "judge": recorded("judge", judge_command.judge),
+        "optimize": recorded("optimize", draws(optimize_command.optimize)),
+        "catalogue": recorded("catalogue", draws(catalogue_command.catalogue)),
+        "control": recorded("control", draws(control_command.control)),
+        "judge": recorded("judge", draws(judge_command.judge)),
         "play": play_command.play,
         "walk": play_command.walk,
         "apply": apply_command.apply,
@@ -153,17 +174,17 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
         "track": track_command.track,
         "render": stimuli_commands.render,
     },
-    "Calibration": {"fit": recorded("fit", fit_commands.fit)},
+    "Calibration": {"fit": recorded("fit", draws(fit_commands.fit))},
     "Experiments": {
-        "plan": plan_command.plan,
-        "run": measuring_commands.run,
+        "plan": draws(plan_command.plan),
+        "run": draws(measuring_commands.run),
         "watch": watch_command.watch,
         "simulate": experiment_commands.simulate,
     },
     "Instruments": {"measure": measure_command.measure},
     "Statistics": {
-        "analyze": recorded("analyze", analyze_command.analyze),
-        "reproduce": reproduce_command.reproduce,
+        "analyze": recorded("analyze", draws(analyze_command.analyze)),
+        "reproduce": draws(reproduce_command.reproduce),
     },
     "Files": {
         "validate": validate_command.validate_command(_request_problems),
@@ -172,8 +193,8 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
         "bench": bench_command.bench,
     },
 }
-measure_command.measure.command()(measuring_commands.saving)
-measure_command.measure.command("played")(measuring_commands.played)
+measure_command.measure.command("saving")(draws(measuring_commands.saving))
+measure_command.measure.command("played")(draws(measuring_commands.played))
 for panel, commands in COMMANDS.items():
     for name, mounted in commands.items():
         if isinstance(mounted, typer.Typer):

@@ -108,6 +108,8 @@ METAVARS = {
     "design": "NAME|FILE",
     "display": "NAME|FILE",
     "field_of_view": "DEGREES",
+    "figures": "svg|pdf",
+    "figure_style": "FILE",
     "fps": "HZ",
     "horizon": "SECONDS",
     "instrument": "DRIVER:ADDRESS",
@@ -153,6 +155,11 @@ def _in_panel(kind: Any, group: type[Any], name: str) -> Any:
     option = copy.copy(option)
     option.rich_help_panel = group.PANEL
     return Annotated[of, option]
+
+
+def added(name: str, kind: Any, option: Any) -> Parameter:
+    """Return an option that a command gets beside its own, and may go without."""
+    return Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[kind | None, option])
 
 
 def with_options(command: Callable[..., Returned], *groups: type[Any]) -> Callable[..., Returned]:

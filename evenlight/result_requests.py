@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin
 import typer
 
 from evenlight.data_schema.errors import ArgumentError, InputError
-from evenlight.option_panels import GONE, RIGHT_NAMES
+from evenlight.option_panels import GONE, RIGHT_NAMES, added
 
 if TYPE_CHECKING:
     from evenlight.data_schema.result_request import ResultRequest
@@ -78,17 +78,10 @@ def recorded(name: str, command: Callable[..., Any]) -> Callable[..., Any]:
         help="request.toml of an earlier result, to make it again; what is given beside it overrides it. The "
         "file has options for experts, too (docs/requests.md).",
     )
-    own = {
-        "context": Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context),
-        "request": Parameter(
-            "request", Parameter.KEYWORD_ONLY, default=None, annotation=Annotated[Path | None, option]
-        ),
-    }
-    asked = [
-        one.replace(kind=Parameter.KEYWORD_ONLY, annotation=_with_its_opposite(one))
-        for one in declared.parameters.values()
-    ]
-    noted.__signature__ = declared.replace(parameters=[*asked, *own.values()])  # type: ignore[attr-defined] # Typer reads it
+    asked = [one.replace(annotation=_with_its_opposite(one)) for one in declared.parameters.values()]
+    asked.append(Parameter("context", Parameter.KEYWORD_ONLY, annotation=typer.Context))
+    asked.append(added("request", Path, option))
+    noted.__signature__ = declared.replace(parameters=asked)  # type: ignore[attr-defined] # Typer reads it
     return noted
 
 

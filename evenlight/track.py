@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.analysis.figure_style import write_png
+from evenlight.analysis.figure_style import write_figure
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result
 from evenlight.analysis.tracks.optimization import optimize_video
@@ -303,7 +303,7 @@ class Track(Result):
     def write(self, folder: Path) -> None:
         """Write `track.csv`, `track.json`, `summary.json`, `loss_curves.npz` and `track.png`."""
         write_track_files(folder, self.track, self.outcome, self.curves)
-        write_png(folder / FIGURE, self.figures["track"])
+        write_figure(folder / FIGURE, self.figures["track"])
 
     @property
     def made_by(self) -> str:  # type: ignore[override] # one for all of the others

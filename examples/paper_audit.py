@@ -589,9 +589,9 @@ def main(folder: str | None = None) -> None:
     for heading, table in TABLES.items():
         print(f"## {heading}\n\n{markdown(table())}\n")
     if folder is not None:
-        from evenlight.analysis.figure_style import write_png
+        from evenlight.analysis.figure_style import write_figure
 
-        write_png(Path(folder) / "audit-pairings.png", pairings_figure())
+        write_figure(Path(folder) / "audit-pairings.png", pairings_figure())
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ from evenlight.analysis.calibration.level_estimates import difference_in_words, 
 from evenlight.analysis.calibration.model_checks import checks_section
 from evenlight.analysis.calibration.ramp_findings import findings_without_limit, ramp_findings
 from evenlight.analysis.calibration.rate_limit.conditions import Condition, ConditionEffect
+from evenlight.analysis.figure_style import write_figure
 from evenlight.analysis.report import Report, Section, write_report
 from evenlight.analysis.report_sections import files_section, plan_section, provenance_section, roll_section
 from evenlight.analysis.results import Analysis
@@ -25,7 +26,6 @@ from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json, write_json_record
-from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.threshold import Threshold
 
 DRAWS = "joint_draws.nc"
@@ -91,7 +91,7 @@ def write_thresholds(fits: ThresholdFits, folder: Path) -> None:
 def write_pictures(found: Analysis, folder: Path) -> None:
     """Write `psychometric.png`, and `rate_limit.png` if there is one."""
     for drawing in found.drawings:
-        write_whole(folder / f"{drawing.name}.png", drawing.png)
+        write_figure(folder / f"{drawing.name}.png", drawing.figure)
 
 
 def _report(fits: ThresholdFits, found: Analysis, origin: Provenance, files: dict[str, str]) -> Report:

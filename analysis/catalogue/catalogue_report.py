@@ -25,7 +25,6 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.tables import write_rows
-from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.catalogue import CatalogueRow
 
 if TYPE_CHECKING:
@@ -112,9 +111,8 @@ class Catalogue(Result):
         """Write `catalogue.csv`, `catalogue.png`, `report.html`; its gallery leads from there to `out`."""
         write_rows(folder / CATALOGUE, CatalogueRow, self.rows)
         caption = "Difference of loss between two frames, and power saved, of each video."
-        pictures = tuple(Picture(style.png_bytes(figure), caption) for figure in self.figures.values())
-        for picture in pictures:
-            write_whole(folder / FIGURE, picture.png)
+        drawn = (style.write_figure(folder / FIGURE, figure) for figure in self.figures.values())
+        pictures = tuple(Picture(png, caption) for png in drawn)
         lead, key_figures = self.first_lines
         sections = (
             *([_overview(self.made, pictures)] if self.made else []),

@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 
 from evenlight.analysis.catalogue.entries import CURVES, CatalogueVideo
 from evenlight.analysis.catalogue.video_listing import file_state
+from evenlight.analysis.figure_style import ASKED, FiguresAsked, figures_like
 from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_results import run_optimization
@@ -72,7 +73,7 @@ def run_catalogue(
         while waiting or under_way:
             while waiting and len(under_way) < AHEAD * workers.places():
                 number = waiting.popleft()
-                under_way[workers.submit(_made, videos[number], force)] = number
+                under_way[workers.submit(_made, videos[number], force, ASKED.get())] = number
             for future in workers.done_of(under_way, LOOK_EVERY):
                 number = under_way.pop(future)
                 rows[number], anew = _outcome(future, videos[number])
@@ -109,12 +110,14 @@ def _in_words(row: CatalogueRow) -> str:
     return f"{name}: {row.frames} frames, {gain}"
 
 
-def _made(video: CatalogueVideo, force: bool) -> tuple[CatalogueRow, bool]:
+def _made(video: CatalogueVideo, force: bool, figures: FiguresAsked) -> tuple[CatalogueRow, bool]:
     """Return the row of a video, and whether its results were made now; else they were there, as wanted.
 
     They are made in a folder that appears whole. A file that is as it was is not read to see that.
     """
     begun, asked, known = time.time(), _asked_of(video), _known(video.folder)
+    if known is not None and not all((video.folder / f"track.{kind}").is_file() for kind in figures.kinds):
+        known = replace(known, key="")  # what is drawn of it is wanted otherwise
     posed, state = asked.posed(), file_state(video.video)
     if state is not None:
         state = f"{video.shown} {state}"  # another file may have its size and its time
@@ -136,7 +139,8 @@ def _made(video: CatalogueVideo, force: bool) -> tuple[CatalogueRow, bool]:
     job = replace(asked.job(source, *posed), quiet=True, price=True)
     if job.curves is None and known is not None and known.curves_key == curves_key:
         job = replace(job, curves=video.folder / LOSS_CURVES)
-    with result_folder(video.folder, "catalogue", force=force, wait=LONGEST_WAIT) as fresh:
+    written = result_folder(video.folder, "catalogue", force=force, wait=LONGEST_WAIT)
+    with figures_like(figures), written as fresh:
         summary = run_optimization(job, fresh)
         of = {"video": video.video, "out": video.folder}
         if not video.video.endswith(CURVES):

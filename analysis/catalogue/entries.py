@@ -28,7 +28,7 @@ PRESETS_OR_FILES = ("display", "power_model", "rate_limit", "contrast_model")
 FORMER = {"field_of_view_deg": "field_of_view"}  # columns of tables for earlier versions
 # The columns of a table: fields of a request, beside video and folder; what is new there needs no word here.
 COLUMNS = ("path", "name", *(field.name for field in fields(WantedOfAll)), *OWN_FILES, *FORMER)
-RESERVED = (CATALOGUE, FIGURE, REPORT, REQUEST)  # beside the folders of results
+RESERVED = (CATALOGUE, FIGURE, "catalogue.svg", "catalogue.pdf", REPORT, REQUEST)  # beside folders
 
 
 @dataclass(frozen=True, slots=True)

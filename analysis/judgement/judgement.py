@@ -26,7 +26,6 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.mapping import mapping_from_record, sha256_of_record
 from evenlight.data_schema.provenance import provenance_now
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import require_display_of
 from evenlight.data_schema.tracks.judgement import (
     Judgement,
@@ -201,9 +200,8 @@ class JudgedTrack(Result):
 
     def write(self, folder: Path) -> None:
         """Write `judgement.json`, `judgement.png` and `report.html`."""
-        own, picture = self.judgement, style.png_bytes(judgement_figure(self.judgement))
-        write_json_record(folder / "judgement.json", own)
-        write_whole(folder / "judgement.png", picture)
+        write_json_record(folder / "judgement.json", self.judgement)
+        picture = style.write_figure(folder / "judgement.png", judgement_figure(self.judgement))
         write_report(folder / "report.html", self.report(picture))
 
     def report(self, picture: bytes) -> Report:

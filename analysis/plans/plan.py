@@ -82,7 +82,7 @@ class Plan(Result):
         content = {"in_words": list(self.answer), "simulated": True, **self.about, "rows": rows}
         write_rows(folder / "plan.csv", type(self.rows[0]), self.rows)
         write_json(folder / "plan.json", content | {"provenance": mapping_from_record(self.provenance)})
-        style.write_png(folder / "plan.png", self.figure)
+        style.write_figure(folder / "plan.png", self.figure)
 
 
 def frame_of(rows: Iterable[Row]) -> pd.DataFrame:

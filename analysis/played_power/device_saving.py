@@ -11,15 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy import stats
 
-from evenlight.analysis.figure_style import (
-    MUTED,
-    OURS,
-    legend_above,
-    look,
-    panels,
-    png_bytes,
-    text_size,
-)
+from evenlight.analysis import figure_style as style
 from evenlight.analysis.played_power.pass_power import CONFIDENCE, PassComparison
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.report_prose import prose
@@ -31,7 +23,6 @@ from evenlight.data_schema.recordings.instrument_logs import PowerSample
 from evenlight.data_schema.recordings.played_power import DevicePass, DeviceSaving
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.hardware.device_passes import FEWEST_PASSES, PASSES, SAMPLES, VERSIONS, PassRequest
 from evenlight.hardware.rig import is_simulated
 
@@ -153,7 +144,7 @@ class MeasuredSaving(Result):
     def write(self, folder: Path) -> None:
         """Write the saving and its figure."""
         write_json_record(folder / SAVING, self.saving)
-        write_whole(folder / FIGURE, png_bytes(self.figures["saving"]))
+        style.write_figure(folder / FIGURE, self.figures["saving"])
 
 
 def _figure(saving: DeviceSaving, title: str, words: str) -> Figure:
@@ -162,21 +153,21 @@ def _figure(saving: DeviceSaving, title: str, words: str) -> Figure:
     middles = np.array([one.begun - start + one.duration / 2 for one in passes])
     ends = np.array([0.0, middles[-1] + passes[-1].duration / 2])
     drift = per_hour * (ends - middles.mean()) / 3600
-    with look():
-        figure, every = panels(title, words, [["passes"]], [20.0])
+    with style.look():
+        figure, every = style.panels(title, words, [["passes"]], [20.0])
         axes = every["passes"]
-        full = ("full", saving.full, saving.full_power, MUTED, "o")
-        dimmed = ("dimmed", saving.dimmed, saving.dimmed_power, OURS, "D")
+        full = ("full", saving.full, saving.full_power, style.MUTED, "o")
+        dimmed = ("dimmed", saving.dimmed, saving.dimmed_power, style.OURS, "D")
         for version, film, level, colour, marker in (full, dimmed):
-            style: dict[str, Any] = {"color": colour, "marker": marker}
+            own: dict[str, Any] = {"color": colour, "marker": marker}
             is_own = np.array([one.version == version for one in passes])
             powers = [one.mean_power for one in passes if one.version == version]
-            axes.plot(middles[is_own] / 60, powers, linestyle="", ms=0.5 * text_size(), **style)
+            axes.plot(middles[is_own] / 60, powers, linestyle="", ms=0.5 * style.text_size(), **own)
             axes.plot(ends / 60, level + drift, color=colour)
-            axes.plot([], [], label=f"{version}: {film}", **style)
+            axes.plot([], [], label=f"{version}: {film}", **own)
         axes.set(xlabel="time [min]", ylabel="power of the device [W]", xlim=(0, ends[1] / 60))
         axes.set_ylim(0, 1.1 * max(one.mean_power for one in passes))
-        legend_above(axes)
+        style.legend_above(axes)
     return figure
 
 

@@ -13,18 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from evenlight.analysis.figure_style import (
-    BASELINE,
-    FAINT,
-    INK,
-    MUTED,
-    OURS,
-    legend_above,
-    look,
-    panels,
-    png_bytes,
-    text_size,
-)
+from evenlight.analysis import figure_style as style
 from evenlight.analysis.report import Cell, KeyFigure, Picture, Report, Section, Table, write_report
 from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.report_sections import files_section, provenance_section
@@ -35,12 +24,11 @@ from evenlight.data_schema.mapping import mapping_from_record
 from evenlight.data_schema.recordings.played_power import FrameEnergy, FrameFlag, PlayedPower
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
 
-COLOURS = {"baseline": BASELINE, "ours": OURS, "full": MUTED}
+COLOURS = {"baseline": style.BASELINE, "ours": style.OURS, "full": style.MUTED}
 PLAYED_POWER, FRAME_ENERGIES = "played_power.json", "frame_energy.csv"
 FIGURE, REPORT = "power.png", "report.html"
 FILES = {
@@ -105,8 +93,7 @@ class MeasuredPower(Result):
         write_json_record(folder / PLAYED_POWER, self.power)
         write_rows(folder / FRAME_ENERGIES, FrameEnergy, self.energies)
         caption = prose("power_caption", power=self.power)[0]
-        picture = Picture(png_bytes(self.figures["power"]), caption)
-        write_whole(folder / FIGURE, picture.png)
+        picture = Picture(style.write_figure(folder / FIGURE, self.figures["power"]), caption)
         sections = (
             _average_section(self.power, picture),
             _time_section(self.power, self.energies),
@@ -243,9 +230,9 @@ def _mw(power: float) -> str:
 
 def _figure(power: PlayedPower, energies: Sequence[FrameEnergy], words: str) -> Figure:
     title = f"{'SIMULATED power' if power.simulated else 'Measured power'} of {power.video}"
-    with look():
+    with style.look():
         shape: dict[str, Any] = {"width_ratios": [7, 3], "sharey": True}
-        figure, axes = panels(title, words, [["time", "means"]], [24.0], **shape)
+        figure, axes = style.panels(title, words, [["time", "means"]], [24.0], **shape)
         _draw_over_time(axes["time"], power, energies)
         _draw_means(axes["means"], power)
         highest = 1.08 * axes["time"].get_ylim()[1]
@@ -255,7 +242,7 @@ def _figure(power: PlayedPower, energies: Sequence[FrameEnergy], words: str) -> 
 
 
 def _draw_over_time(axes: Axes, power: PlayedPower, energies: Sequence[FrameEnergy]) -> None:
-    thin = text_size() / 14
+    thin = style.text_size() / 14
     typical = float(np.median([frame.duration for frame in energies]))
     n_points = max(min(MOST_POINTS, round(power.duration / typical)), 1)
     edges = np.linspace(0, power.duration, n_points + 1)
@@ -272,10 +259,10 @@ def _draw_over_time(axes: Axes, power: PlayedPower, energies: Sequence[FrameEner
         dashes = "--" if one.version == "baseline" else "-"
         axes.plot(middle, curves.mean(axis=0), dashes, color=colour, label=NAMES[one.version])
         axes.axhline(one.mean_power, color=colour, linewidth=thin, linestyle=":")
-    axes.plot([], [], ":", color=MUTED, linewidth=thin, label="mean")
+    axes.plot([], [], ":", color=style.MUTED, linewidth=thin, label="mean")
     if any(one.n_passes > 1 for one in power.versions):
-        axes.add_patch(Rectangle((0, 0), 0, 0, facecolor=FAINT, label="passes' range"))
-    legend_above(axes)
+        axes.add_patch(Rectangle((0, 0), 0, 0, facecolor=style.FAINT, label="passes' range"))
+    style.legend_above(axes)
     axes.set(xlim=(0, power.duration), xlabel="time in the video [s]", ylabel="power [W]")
 
 
@@ -295,7 +282,7 @@ def _binned(energies: Sequence[FrameEnergy], index: int, begun: float, edges: Ar
 
 
 def _draw_means(axes: Axes, power: PlayedPower) -> None:
-    size = text_size()
+    size = style.text_size()
     for place, one in enumerate(power.versions):
         colour = COLOURS[one.version]
         means = np.array([p.mean_power for p in power.passes if p.used and p.version == one.version])
@@ -314,11 +301,11 @@ def _draw_means(axes: Axes, power: PlayedPower) -> None:
 
 def _draw_model(axes: Axes, power: PlayedPower, highest: float) -> None:
     """Draw what a model predicts, as far as it is on the scale of what was measured, and the legend."""
-    size, predicted = text_size(), [one.predicted_power for one in power.versions]
+    size, predicted = style.text_size(), [one.predicted_power for one in power.versions]
     shown = [(k + 0.35, watts) for k, watts in enumerate(predicted) if watts is not None and watts <= highest]
-    axes.plot([], [], "o", color=MUTED, ms=0.35 * size, label="pass")
-    axes.plot([], [], "D", color=MUTED, ms=0.45 * size, label="mean")
+    axes.plot([], [], "o", color=style.MUTED, ms=0.35 * size, label="pass")
+    axes.plot([], [], "D", color=style.MUTED, ms=0.45 * size, label="mean")
     if shown:
-        dash: dict[str, Any] = {"color": INK, "ms": 0.8 * size, "markeredgewidth": size / 8, "label": "model"}
-        axes.plot(*zip(*shown, strict=True), "_", **dash)
-    legend_above(axes, handlelength=1.0, columnspacing=1.0)
+        dash: dict[str, Any] = {"color": style.INK, "ms": 0.8 * size, "markeredgewidth": size / 8}
+        axes.plot(*zip(*shown, strict=True), "_", label="model", **dash)
+    style.legend_above(axes, handlelength=1.0, columnspacing=1.0)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.analysis.dataset_findings import AnalysisOptions, DatasetFindings, find_in_dataset
-from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
+from evenlight.analysis.figure_style import ASKED, FiguresAsked, figures_like
 from evenlight.analysis.reproduction.adaptation import Dimming, LuminanceMaps, unconstrained_factors
 from evenlight.analysis.session_loading import undamaged_roll
 from evenlight.analysis.tracks.frame_samples import FrameSamples, Image, thumbnails_of
@@ -128,7 +128,7 @@ def run_pipeline(
     tasks = replace(_analysed(plan, folder, "ramp", recorded), roll=roll)
     limit = load_rate_limit(str(folder / CALIBRATION / "rate_limit.json"))
     display = _display(plan, limit)
-    made = iter(mapped(partial(_done, plan.quick, folder), _works(plan, display, limit, folder)))
+    made = iter(mapped(partial(_done, ASKED.get(), folder), _works(plan, display, limit, folder)))
     tracks = {}
     for name in BUDGETS | EXAMPLES:
         begin(f"track of {name.replace('_', ' ')}")
@@ -156,11 +156,11 @@ def _works(
 
 
 @one_blas_thread
-def _done(quick: bool, folder: Path, work: Callable[[], Any]) -> Any:
-    """Do a piece of work, in whatever process: figures are marked as here, files go to the same folder."""
+def _done(asked: FiguresAsked, folder: Path, work: Callable[[], Any]) -> Any:
+    """Do a piece of work, in whatever process: figures are as here, files go to the same folder."""
     if not folder.is_dir():
         raise InputError(f"a worker does not see {folder}; `out` must be a folder that all workers share")
-    with marked_figures(QUICK_MARK if quick else ""):
+    with figures_like(asked):
         return work()
 
 

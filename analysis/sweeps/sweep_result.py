@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import ArrayLike
 
-from evenlight.analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, look, panels, png_bytes
+from evenlight.analysis.figure_style import FAINT, INK, LIMIT, MUTED, OURS, PAGE, look, panels, write_figure
 from evenlight.analysis.report import Cell, KeyFigure, Picture, Report, Section, Table, write_report
 from evenlight.analysis.report_prose import prose
 from evenlight.analysis.report_sections import files_section, provenance_section
@@ -36,7 +36,6 @@ from evenlight.data_schema.recordings.sweep_fit import (
 )
 from evenlight.data_schema.storage.tables import write_rows
 from evenlight.data_schema.storage.text_files import write_json_record, write_toml_record
-from evenlight.data_schema.storage.whole_files import write_whole
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -160,12 +159,11 @@ class SweepResult(Result):
         stem, picture = self._stem, f"{self.name}.png"
         columns = ("quantity", "value", "interval", "unit")
         model = Table(f"The {stem} model, with 95 % confidence intervals.", columns, self.coefficients)
-        png = png_bytes(self.figures[self.name])
+        png = write_figure(folder / picture, self.figures[self.name])
         write_toml_record(folder / f"{stem}.toml", self.model)
         if self.brightness:
             write_rows(folder / BRIGHTNESS, LuminanceLevel, self.brightness)
         write_json_record(folder / f"{stem}_fit.json", self.record)
-        write_whole(folder / picture, png)
         names = (f"{stem}.toml", *([BRIGHTNESS] if self.brightness else []), f"{stem}_fit.json", picture)
         sections = (
             Section(

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from evenlight.analysis.figure_style import write_png
+from evenlight.analysis.figure_style import write_figure
 from evenlight.analysis.player.picture_recorder import PictureRecorder
 from evenlight.analysis.player.player_page import PLAYER, player_content, write_player_page
 from evenlight.analysis.results import write_drawing
@@ -98,7 +98,7 @@ def _write_track(
 
 def _draw(data: DrawnTrack, display: Display, model: ContrastModel, folder: Path) -> None:
     """Draw the track over time, and where contrast is lost in the frame in which it matters most."""
-    write_png(folder / "track.png", track_figure(data))
+    write_figure(folder / "track.png", track_figure(data))
     if not data.samples:  # the frames of loss curves are not at hand
         return
     track = data.track
@@ -106,4 +106,4 @@ def _draw(data: DrawnTrack, display: Display, model: ContrastModel, folder: Path
     index, pixels = max(data.samples, key=lambda held: float(difference[held[0]]))
     ours, constant = contrast_maps(pixels, data.compared_at(index), display, model)
     name = f"{track.header.video} at {track.times[index]:.1f} s"
-    write_png(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))
+    write_figure(folder / "contrast_map.png", contrast_map_figure(pixels, ours, constant, name))

@@ -16,14 +16,7 @@ from evenlight.analysis.calibration.psychometric.psychometric_figure import (
 )
 from evenlight.analysis.calibration.psychometric.thresholds import ThresholdFit, fit_thresholds_of
 from evenlight.analysis.calibration.rate_limit.rate_limit_figure import level_means, rate_limit_figure
-from evenlight.analysis.figure_style import (
-    LIMIT,
-    MUTED,
-    PAGE,
-    PARTICIPANT,
-    FigureFormat,
-    png_bytes,
-)
+from evenlight.analysis.figure_style import LIMIT, MUTED, PAGE, PARTICIPANT, FigureFormat, png_bytes
 from evenlight.data_schema.recordings.ramp import Procedure, RampTrial, Response
 from evenlight.data_schema.threshold import Threshold, ThresholdFlag
 from evenlight.method.preset_files import load_rate_limit

@@ -17,15 +17,7 @@ from matplotlib.figure import Figure
 from matplotlib.image import imread
 from matplotlib.lines import Line2D
 
-from evenlight.analysis.figure_style import (
-    BASELINE,
-    LIMIT,
-    OURS,
-    PAGE,
-    FigureFormat,
-    png_bytes,
-    write_png,
-)
+from evenlight.analysis.figure_style import BASELINE, LIMIT, OURS, PAGE, FigureFormat, png_bytes, write_figure
 from evenlight.analysis.tracks.frame_samples import dimmed_picture
 from evenlight.analysis.tracks.track_figure import DrawnTrack, rate_shares, track_figure
 
@@ -222,7 +214,7 @@ def test_a_figure_has_the_same_bytes_whenever_it_is_drawn(tmp_path: Path) -> Non
     first, second = (png_bytes(track_figure(data())) for _ in range(2))
     assert first == second
     assert dict(mpl.rcParams) == before  # drawing leaves no setting behind
-    write_png(tmp_path / "track.png", track_figure(data()))
+    write_figure(tmp_path / "track.png", track_figure(data()))
     assert (tmp_path / "track.png").read_bytes() == first
 
 

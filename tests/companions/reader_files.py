@@ -44,7 +44,7 @@ HAS: dict[str, tuple[str, ...]] = {
     "docs/extending.md": ("desk.rig.toml",),
     "docs/guides/engineer.md": ("film.mp4",),
     "docs/guides/experimenter.md": ("film.mp4", "lab"),
-    "docs/guides/researcher.md": ("answers.csv",),
+    "docs/guides/researcher.md": ("answers.csv", "journal.mplstyle"),
     "docs/headset.md": ("film.mp4", "headset.rig.toml"),
     "docs/importing.md": (
         "ratings.csv", "lab.csv", "07_detail.csv", "data.json", "likert.toml", "data", "slider.toml",
@@ -182,6 +182,9 @@ class Shelf:
 
     def _make_answers_csv(self) -> None:
         self._write("answers.csv", _ratings("participant,sequence,version,rating"))
+
+    def _make_journal_mplstyle(self) -> None:
+        self._write("journal.mplstyle", "font.family: serif\n")
 
     def _make_scores_csv(self) -> None:
         self._write("scores.csv", _ratings("participant,sequence,version,score"))
