@@ -138,9 +138,11 @@ class HeadsetWindow(ContextDevice, ABC):
         With a clock of refreshes that is the time counted.
         """
         if self._drawn and self.mirror is not None:
-            self.mirror.show(self.picture(), self._eye)
+            self.mirror.take(self.picture(), self._eye)
         shown = self._appears()
         self.end_frame()
+        if self.mirror is not None:
+            self.mirror.show()
         self._note(shown)
         self._drawn = False
         self._begin_frame()

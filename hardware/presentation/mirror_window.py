@@ -92,7 +92,9 @@ class MirrorWindow(ContextDevice):
         height = round(WIDTH * eye_size[1] / eye_size[0])
         self._window = self._opened((WIDTH, min(height, HIGHEST) + STRIP_SIZE[1]), egl)
         self._context = self._created()
-        self._shown = -LONGEST_INTERVAL  # when the last picture was shown [s]
+        self._shown, self._due = -LONGEST_INTERVAL, False  # when a picture was taken last [s]; if it waits
+        self._taken: moderngl.Framebuffer | None = None  # as large as it is shown
+        self._place = (0, 0, 0, 0)  # where: left, bottom, right, top [pixels]
         self._pressed: list[KeyPress] = []
         self._held: dict[int, str] = {}  # names of keys that are down, by their place
         self._strip: moderngl.Framebuffer | None = None
@@ -104,42 +106,58 @@ class MirrorWindow(ContextDevice):
         return self._context
 
     def make_current(self) -> None:
-        """Make the graphics context the thread's own again."""
-        self._glfw.make_context_current(self._window)
+        """Make the graphics context the thread's own again; once the window is closed there is none."""
+        if not self._closed:
+            self._glfw.make_context_current(self._window)
 
-    def show(self, framebuffer: moderngl.Framebuffer, eye: Eye) -> None:
-        """Show one eye's half of what was drawn; at most 30 times a second, and without waiting.
+    def take(self, framebuffer: moderngl.Framebuffer, eye: Eye) -> None:
+        """Copy one eye's half of what was drawn, at most 30 times a second; the graphics card does it later.
 
         Parameters
         ----------
         framebuffer : moderngl.Framebuffer
-            Both eyes side by side, before it is handed to the runtime; bound again afterwards.
+            Both eyes side by side, before it is handed to the runtime, whose it is then; bound afterwards.
         eye : Eye
             Whose half.
         """
-        self._glfw.poll_events()
         now = time.perf_counter()
         if now - self._shown < LONGEST_INTERVAL:
             return
-        self._shown = now
-        width, height = self._glfw.get_framebuffer_size(self._window)
-        strip = height * STRIP_SIZE[1] // self._glfw.get_window_size(self._window)[1]
+        self._shown, self._due = now, True
         half = framebuffer.width // 2
         left = half if eye is Eye.RIGHT else 0
         source = (left, 0, left + half, framebuffer.height)
+        x, y, right, top = self._place = _fitted(source, *self._room())
+        if self._taken is None or self._taken.size != (right - x, top - y):
+            self._taken = self._context.framebuffer([self._context.texture((right - x, top - y), 4)])
+        self._context.disable_direct(FRAMEBUFFER_SRGB)  # the codes are shown as they are
+        self._bind(DRAW, self._taken.glo)
+        self._copy(framebuffer, source, (0, 0, right - x, top - y))
+        framebuffer.use()
+
+    def show(self) -> None:
+        """Show what was taken, once, and without waiting."""
+        self._glfw.poll_events()
+        if not self._due or self._taken is None:
+            return
+        self._due = False
+        (width, height), strip = self._room()
         screen = self._context.detect_framebuffer(0)
         screen.viewport = (0, 0, width, height)
         screen.use()
-        self._context.disable_direct(FRAMEBUFFER_SRGB)  # the codes are shown as they are
         screen.clear(GROUND, GROUND, GROUND, 1.0)
         self._bind(DRAW, screen.glo)
-        self._copy(framebuffer, source, _fitted(source, (width, height), strip))
+        self._copy(self._taken, (0, 0, *self._taken.size), self._place)
         if self._strip is not None:
             wide, tall = self._strip.size
             right, foot = wide * width // STRIP_SIZE[0], strip - tall * strip // STRIP_SIZE[1]
             self._copy(self._strip, (0, 0, wide, tall), (0, foot, right, strip))
         self._glfw.swap_buffers(self._window)
-        framebuffer.use()
+
+    def _room(self) -> tuple[tuple[int, int], int]:
+        """Return width and height of the window, and the height of its strip [pixels]."""
+        width, height = self._glfw.get_framebuffer_size(self._window)
+        return (width, height), height * STRIP_SIZE[1] // self._glfw.get_window_size(self._window)[1]
 
     def say(self, coverage: NDArray[np.uint8] | None) -> None:
         """Show a text in the strip under the picture.

@@ -362,7 +362,10 @@ class Mirror:
     def __init__(self, *keys: KeyPress) -> None:
         self._keys, self.now, self.said = list(keys), float, 0
 
-    def show(self, *_: object) -> None:
+    def take(self, *_: object) -> None:
+        pass
+
+    def show(self) -> None:
         pass
 
     def say(self, coverage: np.ndarray) -> None:

@@ -105,8 +105,11 @@ class Mirror:
     def __init__(self, done: list[str], *keys: str) -> None:
         self._done, self._keys = done, keys or ("f1",)
 
-    def show(self, framebuffer: Framebuffer, eye: Eye) -> None:
-        self._done.append(f"show {eye.value}")
+    def take(self, framebuffer: Framebuffer, eye: Eye) -> None:
+        self._done.append(f"take {eye.value}")
+
+    def show(self) -> None:
+        self._done.append("show")
 
     def pressed(self) -> list[KeyPress]:
         return [KeyPress(key, 1.0) for key in self._keys]
@@ -226,13 +229,13 @@ def test_in_a_rehearsal_time_is_counted_and_the_frames_keep_the_runtimes_times()
     assert window.presses() == [KeyPress("trigger", 0.04)]  # on the window's clock
 
 
-def test_the_mirror_shows_the_eye_that_counts_before_the_frame_is_handed_over() -> None:
+def test_the_mirror_shows_the_eye_that_counts_after_the_frame_is_handed_over() -> None:
     window = opened([0.04, 0.06, 0.08], eye=Eye.RIGHT)
     window.mirror = Mirror(window.done)
     window.framebuffer()
     window.flip()
     window.flip()  # of which nothing was drawn
-    assert window.done == ["begin", "show right", "end", "begin", "end", "begin"]
+    assert window.done == ["begin", "take right", "end", "show", "begin", "end", "show", "begin"]
     keyboard, held = rigs.open_keyboard(window), rigs.open_held_keys(window)
     assert keyboard.pressed() == [KeyPress("f1", 1.0)]
     assert held.held() == {"w"}

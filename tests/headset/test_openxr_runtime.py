@@ -85,8 +85,9 @@ def shown(link: OpenXRHeadset, codes: NDArray[np.uint8] | None = None) -> Headse
         picture = link.context().texture((width, height), 4, codes[::-1].tobytes())
         source = link.context().framebuffer([picture])
         link.context().copy_framebuffer(framebuffer, source)
-        link.mirror.show(framebuffer, Eye.RIGHT)
+        link.mirror.take(framebuffer, Eye.RIGHT)
     link.end_frame()
+    link.mirror.show()
     return frame
 
 
