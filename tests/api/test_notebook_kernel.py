@@ -1,7 +1,6 @@
 """What a notebook shows while it works, in a kernel as its user has one."""
 
-from __future__ import annotations
-
+import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -39,11 +38,9 @@ def test_progress_is_one_line_under_the_cell_that_is_written_anew_and_goes(cell)
         "        work.tell_if_due(since=-10.0)\n"
     )
     kinds, places, pages = zip(*shown, strict=True)
-    assert kinds == ("display_data", *["update_display_data"] * (len(shown) - 1))
-    assert len(set(places)) == 1
+    assert (kinds[0], set(kinds[1:]), len(set(places))) == ("display_data", {"update_display_data"}, 1)
     told = next(page for page in pages if "1 of 4" in page)
-    assert told.startswith('<progress value="1" max="4"></progress> ')
-    assert "analysing &lt;a&gt;, 1 of 4" in told
+    assert re.fullmatch('<progress value="1" max="4"></progress> .* analysing &lt;a&gt;, 1 of 4', told)
     assert any("2 of 4" in page for page in pages)
     assert pages[-1] == ""
 

@@ -59,9 +59,8 @@ def test_power_is_linear_in_the_factor(track: evenlight.Track) -> None:
 def test_what_is_saved_is_loaded_again(track: evenlight.Track, tmp_path: Path) -> None:
     track.save(tmp_path / "track")
     again = evenlight.load(tmp_path / "track")
-    np.testing.assert_array_equal(again.factors, track.factors)
+    assert (again, again.outcome) == (track, track.outcome)
     np.testing.assert_array_equal(again.loss(0.4), track.loss(0.4))
-    assert again.outcome == track.outcome
     assert (tmp_path / "track" / "track.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -305,13 +304,6 @@ def test_a_track_writes_its_dimmed_video_and_its_scripts(track: evenlight.Track,
         track.apply(scene(2), tmp_path / "x.mkv", fps=2.0)
     with pytest.raises(evenlight.InputError, match="vlc"):
         track.export("vlc", script)
-
-
-def test_a_notebook_shows_first_lines_and_a_picture(track: evenlight.Track) -> None:
-    page = track._repr_html_()
-    assert track.heading.replace("'", "&#x27;") in page
-    assert page.count("<img ") == 1
-    assert page.count("<li>") == len(track.first_lines[1])
 
 
 class OfAnotherLibrary:

@@ -145,12 +145,12 @@ def test_the_lines_of_python_for_a_program_of_ones_own_dim_as_the_formulas_say(
 @pytest.fixture(scope="module")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Build the site as `make docs` does, where a warning is an error."""
-    if find_spec("mkdocs") is None:
-        pytest.skip("the site needs mkdocs-material: pip install 'evenlight[docs]'")
+    if find_spec("mkdocs") is None or find_spec("nbclient") is None:
+        pytest.skip("the site needs mkdocs-material and nbclient: pip install 'evenlight[docs]'")
     folder = tmp_path_factory.mktemp("site")
     built = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)],
-        cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True, timeout=280,
+        cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True, timeout=600,
         check=False,
     )  # fmt: skip
     assert built.returncode == 0, built.stdout + built.stderr
@@ -171,9 +171,23 @@ def test_the_site_loads_nothing_from_the_network(site: Path) -> None:
             for address in re.findall(r"href=\"?([^\" >]+)", link)
         ]
         assert loaded
-        assert not [address for address in loaded if "//" in address], page
+        assert not [address for address in loaded if "//" in address.partition(";base64,")[0]], page
     for sheet in site.rglob("*.css"):
         assert not re.search(r"(@import|url\()\s*[\"']?https?:", sheet.read_text()), sheet
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "first"),
+    [("film-track", "Track of"), ("rate-limit", "RampFit of 8 simulated"), ("rating-study", "Analysis of")],
+)
+def test_a_notebook_is_a_page_with_what_its_cells_show(site: Path, name: str, first: str) -> None:
+    """They are run when the site is built; what they showed once is not kept beside them."""
+    kept = json.loads((ROOT / "examples" / "notebooks" / f"{name}.ipynb").read_text())
+    assert not any(cell.get("outputs") for cell in kept["cells"])
+    page = (site / "notebooks" / f"{name}.html").read_text()
+    shown = [page.count(what) for what in (f"<strong>{first}", "data:image/png;base64,", "simulated")]
+    assert min(shown) > 0, shown
 
 
 @pytest.mark.slow
