@@ -74,26 +74,25 @@ def _result_in_words(
     summary: OptimizationSummary, ratio: float | None, warnings: tuple[str, ...]
 ) -> Iterator[str]:
     """Say what is gained in plain words, then how steady the loss was, in figures."""
-    from evenlight.analysis.tracks.track_words import alike, gain_in_words, lost, moved_in_words, watts
+    from evenlight.analysis.tracks.first_page import told
+    from evenlight.analysis.tracks.track_words import alike, lost, moved_in_words
 
     assert summary.control is not None  # `control_video` has seen to it
     control = summary.control
     varies_by = "" if ratio is None else f", {ratio:.2f} times as much"
-    full, mean, factor = summary.full_power, summary.mean_power, min(summary.mean_factor, 1.0)
-    saved = f", {percent(mean / full)} of full power" if full and mean is not None else ""
-    power = "" if mean is None else f", {watts(mean)}{saved}"
+    factor = min(summary.mean_factor, 1.0)
     target = lost(control.target_loss)
     if control.budget is not None:
         target = f"from {target} to {lost(control.final_target_loss)}"
-    yield from gain_in_words(summary)
-    yield f"{summary.frames} frames, {lost(summary.mean_contrast_loss)} lost on average, target {target}"
+    yield from told(summary)
+    yield f"{summary.frames} frames, target loss {target}"
     varies, constant = alike(control.sd_loss, control.sd_loss_constant)
     yield (
         f"the loss varies by {varies} points over time (SD), by {constant} points at constant dimming by the "
         f"same mean factor{varies_by}"
     )
     yield (
-        f"mean factor {factor:.4g}{power}; {percent(control.share_limited)} of the time "
+        f"mean factor {factor:.4g}; {percent(control.share_limited)} of the time "
         f"at the rate limit {summary.rate_limit!r}{moved_in_words(summary)} or a bound"
     )
     if control.budget_unit is not None:

@@ -17,8 +17,9 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     Frames lose more nearly the same share of visible contrast than if all were dimmed alike, and brightness
     never changes faster than the rate limit.
     """
+    from evenlight.analysis.tracks.first_page import told
     from evenlight.analysis.tracks.track_results import run_optimization
-    from evenlight.analysis.tracks.track_words import detection_in_words, gain_in_words, rate_in_words
+    from evenlight.analysis.tracks.track_words import detection_in_words, rate_in_words
     from evenlight.data_schema.storage.result_folders import result_folder
     from evenlight.stimuli.sequences import open_videos
 
@@ -36,7 +37,7 @@ def _optimize(wanted: TrackRequest, one: OneVideo) -> None:
     if not one.quiet:
         frames = f"{summary.frames} frames, mean factor {summary.mean_factor:.4g}; {rate_in_words(summary)}"
         closing = closing_words(request.rate_limit, display, one.out)
-        typer.echo("\n".join([*gain_in_words(summary), detection_in_words(summary), frames, closing]))
+        typer.echo("\n".join([*told(summary), detection_in_words(summary), frames, closing]))
 
 
 optimize = with_options(_optimize, TrackRequest, OneVideo)

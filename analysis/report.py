@@ -106,7 +106,8 @@ class KeyFigure:
     @property
     def in_words(self) -> str:
         """The same on one line, as a terminal shows it."""
-        return f"{self.what}: {self.value}{f' ({self.beside})' if self.beside else ''}"
+        told = f"{self.value} {self.what}" if self.what.startswith("of ") else f"{self.what}: {self.value}"
+        return f"{told}{f' ({self.beside})' if self.beside else ''}"
 
 
 @dataclass(frozen=True, slots=True)

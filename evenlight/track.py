@@ -15,12 +15,12 @@ from numpy.typing import ArrayLike, NDArray
 from evenlight.analysis.figure_style import write_figure
 from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.results import Result
+from evenlight.analysis.tracks.first_page import key_figures, told, verdict
 from evenlight.analysis.tracks.optimization import optimize_video
 from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_figure import DrawnTrack, track_figure
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_results import CURVES, SUMMARY, TRACK, write_track_files
-from evenlight.analysis.tracks.track_words import first_words, gain_in_words, key_figures
 from evenlight.data_schema.arguments import choice, number, numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import ArgumentError, InputError
@@ -97,11 +97,11 @@ class Track(Result):
 
     @property
     def first_lines(self) -> tuple[str, tuple[KeyFigure, ...]]:
-        """What is saved and gained, and the key figures: how the report of a track begins."""
-        return first_words(self.outcome), key_figures(self.outcome)
+        """Whether it is worth it, and the key figures: its first page."""
+        return verdict(self.outcome), key_figures(self.outcome)
 
     def __str__(self) -> str:
-        return "\n".join(gain_in_words(self.outcome))  # as `evenlight optimize` says it
+        return "\n".join(told(self.outcome))  # as `evenlight optimize` says it
 
     def __len__(self) -> int:
         return len(self.track.factors)

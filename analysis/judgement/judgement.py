@@ -20,6 +20,7 @@ from evenlight.analysis.report_prose import prose, section
 from evenlight.analysis.results import Result
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, loss_curves_of
+from evenlight.analysis.tracks.other_measures import measured_track
 from evenlight.analysis.tracks.track_words import less_or_more
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
@@ -30,14 +31,12 @@ from evenlight.data_schema.tracks.brightness_track import require_display_of
 from evenlight.data_schema.tracks.judgement import (
     Judgement,
     MeasureAgreement,
-    MeasuredTrack,
     ModulationStretch,
 )
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, mean_factor
 from evenlight.method.choices import ONE_CORE, AnalysisEffort
 from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.contrast.measures import COUNTED, measure_named
-from evenlight.method.optimizer.objective import pairwise_spread
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit
 from evenlight.stimuli.dimmed.track_fit import require_fit, require_times
@@ -120,12 +119,6 @@ def _losses(job: OptimizationJob, loaded: LoadedTrack) -> tuple[Array, Array]:
     require_times(job.source.name, curves.times, loaded.track)
     evenly = np.full(curves.n_frames, loaded.baseline)
     return loss_and_slope(curves, loaded.track.factors)[0], loss_and_slope(curves, evenly)[0]
-
-
-def measured_track(measure: str, track: Array, constant: Array) -> MeasuredTrack:
-    """Return what sums up the losses of N frames by a measure, dimmed by a track and evenly, (N,)."""
-    pairs = [(how(track), how(constant)) for how in (pairwise_spread, np.mean, np.max)]
-    return MeasuredTrack(measure, *(float(number) for pair in pairs for number in pair))
 
 
 def agreements_of(losses: Mapping[str, Array]) -> tuple[MeasureAgreement, ...]:

@@ -17,14 +17,10 @@ from PIL import Image
 from evenlight.analysis.player.picture_recorder import PictureRecorder
 from evenlight.analysis.player.proxy_video import PAGE_BYTES, Proxy, Tiles, tiles_of
 from evenlight.analysis.tracks.contrast_map_figure import ContrastMap, contrast_maps
+from evenlight.analysis.tracks.first_page import key_figures, verdict
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.track_figure import DrawnTrack
-from evenlight.analysis.tracks.track_words import (
-    budget_in_words,
-    gain_sentences,
-    key_figures,
-    uses_same_power,
-)
+from evenlight.analysis.tracks.track_words import budget_in_words, detail_sentences, uses_same_power
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
@@ -147,8 +143,8 @@ def player_html(content: PlayerContent, price: bytes = b"") -> str:
         file=_file,
         data=_script_data(content),
         title=f"{data.track.header.video} on {display.name}, {budget_in_words(summary)}",
-        gained=gain_sentences(summary)[:2],
-        outcome=data.outcome,
+        verdict=verdict(summary),
+        told=f"{data.does_not_count}{detail_sentences(summary)}",
         figures=key_figures(summary),
         display=display,
         pixels=data.track.header.actuator is Actuator.PIXELS,

@@ -16,16 +16,11 @@ from evenlight.analysis.report import Picture, Report, Section, Table, write_rep
 from evenlight.analysis.report_prose import section
 from evenlight.analysis.report_sections import CLAIM, files_section, provenance_section
 from evenlight.analysis.results import Analysis
+from evenlight.analysis.tracks.first_page import key_figures, verdict
 from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.analysis.tracks.price_figure import about
 from evenlight.analysis.tracks.track_results import run_optimization
-from evenlight.analysis.tracks.track_words import (
-    detection_in_words,
-    first_words,
-    gain_sentences,
-    key_figures,
-    rate_in_words,
-)
+from evenlight.analysis.tracks.track_words import detail_sentences, detection_in_words, rate_in_words
 from evenlight.analysis.wording import sentence
 from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
@@ -96,7 +91,7 @@ def _report(
     price = Picture((track / "price.png").read_bytes(), about(summary))
     return Report(
         "From ramps to a brightness track",
-        cautious(calibration.concerns, first_words(summary)),
+        cautious(calibration.concerns, sentence(verdict(summary)) + "."),
         (
             section("demo_introduction"),
             replace(made, links=(SEE_IT,), pictures=(*made.pictures, price)),
@@ -137,7 +132,7 @@ def track_section(summary: OptimizationSummary, track_png: bytes, simulated: boo
         (Picture(track_png, caption),),
         simulated=simulated,
         summary=summary,
-        gained=" ".join(gain_sentences(summary)),
+        gained=detail_sentences(summary),
         meaning=f"{sentence(rate_in_words(summary))}. {detection_in_words(summary)}",
         claim=CLAIM,
     )

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from evenlight.analysis.tracks.frame_samples import FrameSamples
 from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
 from evenlight.analysis.tracks.optimization_job import OptimizationJob, track_header
+from evenlight.analysis.tracks.other_measures import with_other_measures
 from evenlight.analysis.tracks.track_figure import DrawnTrack
 from evenlight.analysis.tracks.track_words import lost
 from evenlight.analysis.wording import percent
@@ -65,7 +66,8 @@ def control_video(
     track, summary = video.evaluated(run, RunRecord(time.perf_counter() - began, curves_s, 0.0))
     loss, spread = video.beside_constant(run)
     summary = replace(summary, control=video.control_summary(run, spread))
-    drawn = DrawnTrack(track, summary, loss, samples.held)
+    summary = with_other_measures(summary, track, samples.held, curves, asked.work.model)
+    drawn = DrawnTrack(track, summary, loss, samples.few)
     return drawn, spread.ratio, tuple(video.warnings(run, spread.ratio))
 
 

@@ -33,10 +33,15 @@ class FrameSamples:
     [0, 4, 8]
     """
 
-    most: int = 16
+    most: int = 32
     least: int = 4
     stride: int = 1
     held: list[tuple[int, NDArray[Any]]] = field(default_factory=list)
+
+    @property
+    def few(self) -> list[tuple[int, NDArray[Any]]]:
+        """All of them, or every second one: at most 16, for what takes long or is drawn."""
+        return self.held[:: 2 if len(self.held) > 16 else 1]
 
     def watch(self, frames: Iterable[Frame]) -> Iterator[Frame]:
         """Yield the frames unchanged, keeping some of them."""

@@ -17,6 +17,7 @@ from evenlight.analysis.tracks.optimization_job import (
     start_factors,
     track_header,
 )
+from evenlight.analysis.tracks.other_measures import with_other_measures
 from evenlight.analysis.tracks.track_figure import DrawnTrack
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.recordings.rig import Actuator
@@ -103,6 +104,7 @@ def _optimize_curves(
     track = track_of(problem, job.request, factors, header)
     summary = summarize(problem, job.request, answer, track, effort)
     if not job.others:
+        summary = _measured(summary, track, samples[0], whole, job)
         return summary, (_clip(problem, track, summary, samples[0]),)
     clips, first = [], 0
     # The bound of all clips does not say how much worse than the best a single one is.
@@ -114,7 +116,7 @@ def _optimize_curves(
         header = track_header(replace(job, source=source), own, [own])
         track = track_of(part, job.request, own_factors, _with_floor(header, own, held, own_factors, job))
         own_effort = replace(effort, pixel_aspect=float(pixel_aspect(source)))
-        alone = summarize(part, job.request, answer, track, own_effort)
+        alone = _measured(summarize(part, job.request, answer, track, own_effort), track, held, own, job)
         clips.append(_clip(part, track, alone, held, counts))
     return summary, tuple(clips)
 
@@ -128,7 +130,7 @@ def _clip(
 ) -> tuple[LossCurves, DrawnTrack]:
     """Return the curves of a video, and its track beside constant dimming of the same power."""
     constant, fitted = problem.loss(problem.baseline()), limit_without_allowances(problem, track.factors)
-    return problem.curves, DrawnTrack(track, summary, constant, samples.held, fitted, counts)
+    return problem.curves, DrawnTrack(track, summary, constant, samples.few, fitted, counts)
 
 
 def _robust(job: OptimizationJob, measures: Measures, solver: Solver) -> tuple[Array, SolverAnswer]:
@@ -146,8 +148,19 @@ def _with_floor(
     if curves.actuator is Actuator.PIXELS:
         return header
     with shown_progress(job.quiet, f"loss of {curves.video} if pixels dimmed"):
-        added = floor_in_samples(samples.held, factors, curves.display, job.model)
+        added = floor_in_samples(samples.few, factors, curves.display, job.model)
     return replace(header, loss_added_by_pixels=added)
+
+
+def _measured(
+    summary: OptimizationSummary,
+    track: BrightnessTrack,
+    samples: FrameSamples,
+    curves: LossCurves,
+    job: OptimizationJob,
+) -> OptimizationSummary:
+    with shown_progress(job.quiet, f"other measures of {curves.video}"):
+        return with_other_measures(summary, track, samples.held, curves, job.model)
 
 
 def _on_its_own(part: Problem, factors: Array) -> tuple[Problem, bool]:

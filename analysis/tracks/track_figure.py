@@ -63,7 +63,12 @@ class DrawnTrack:
     @property
     def outcome(self) -> str:
         """What came out, in a sentence or two."""
-        return f"{'' if self.counts else 'Does not count (weight 0). '}{outcome_in_words(self.summary)}"
+        return f"{self.does_not_count}{outcome_in_words(self.summary)}"
+
+    @property
+    def does_not_count(self) -> str:
+        """A sentence, if it is so."""
+        return "" if self.counts else "Does not count (weight 0). "
 
     def compared_at(self, frame: int) -> tuple[tuple[float, float], ...]:
         """Return factor and contrast loss of a frame: ours, and under constant dimming."""

@@ -8,9 +8,7 @@ from __future__ import annotations
 
 import math
 
-from evenlight.analysis.report import KeyFigure
 from evenlight.analysis.wording import percent, sentence
-from evenlight.data_schema.recordings.ramp import Procedure
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.online.gain import NO_GAIN
@@ -87,47 +85,27 @@ def compared(ours: float, constant: float) -> str:
     return f"{ratio:.3g} times as much" if ratio < 1000 else "over 1000 times as much"
 
 
-# --- what came out
+# --- what else came out
 
 
-def gain_in_words(summary: OptimizationSummary) -> tuple[str, ...]:
-    """Return what a track saves, costs and gains, and who notices it, in three to eight lines."""
-    gained = _saving(summary), _cost(summary), _minimized(summary), evenness(summary), _off_budget(summary)
-    lines = (*gained, *_watched(summary))
-    return *(line for line in lines if line), *(() if summary.film is None else summary.film.notes)
-
-
-def first_words(summary: OptimizationSummary) -> str:
-    """Return what is saved and how evenly contrast is lost, in at most 60 words."""
-    return f"{_saving(summary)}. {_sentences((evenness(summary) or _cost(summary),))}"
-
-
-def gain_sentences(summary: OptimizationSummary) -> tuple[str, ...]:
-    """Return the same as `gain_in_words` in sentences; the first begins with the video's name."""
-    first, *others = gain_in_words(summary)
-    return f"{first}.", *(f"{sentence(line)}." for line in others)
-
-
-def key_figures(summary: OptimizationSummary) -> tuple[KeyFigure, ...]:
-    """Return what a track is, at a glance, beside constant dimming."""
-    loss, loss_constant = alike(summary.mean_contrast_loss, summary.mean_contrast_loss_baseline)
-    spread, spread_constant, best = _differences(summary)
-    ratio = summary.max_rate_ratio
-    return (
-        _power_figure(summary),
-        KeyFigure(f"{loss} %", "of visible contrast lost", f"constant dimming {loss_constant} %"),
-        KeyFigure(
-            f"{spread} points",
-            "difference in loss between two frames",
-            f"constant dimming {spread_constant}{best and f'; best possible {best}'}",
-        ),
-        KeyFigure(
-            f"{100 * ratio:.0f} %",
-            f"of the rate limit{moved_in_words(summary)}, fastest change",
-            noticed(summary),
-            warns=ratio > 1 + SAME_POWER,
-        ),
+def details(summary: OptimizationSummary) -> tuple[str, ...]:
+    """Return what a track's figures rest on, and how near to the best it is, a line each."""
+    equal = "at equal power" if uses_same_power(summary) else "with the same mean factor"
+    lines = (
+        f"constant: dimmed by {summary.baseline_factor:.3g} throughout, {equal}",
+        _best_possible(summary),
+        _other_measures(summary),
+        _minimized(summary),
+        _off_budget(summary),
+        _power(summary),
+        _watched(summary),
     )
+    return tuple(line for line in (*lines, *(summary.film.notes if summary.film else ())) if line)
+
+
+def detail_sentences(summary: OptimizationSummary) -> str:
+    """Return the same in sentences."""
+    return _sentences(details(summary))
 
 
 def uses_same_power(summary: OptimizationSummary) -> bool:
@@ -136,65 +114,33 @@ def uses_same_power(summary: OptimizationSummary) -> bool:
     return ours is not None and constant is not None and abs(ours - constant) <= SAME_POWER * constant
 
 
-def _power_figure(summary: OptimizationSummary) -> KeyFigure:
-    ours, constant, full = summary.mean_power, summary.baseline_power, summary.full_power
-    if ours is None or constant is None or full is None:
-        unknown = f"savings unknown: no power model for {summary.display}"
-        return KeyFigure(percent(summary.mean_factor, 0), "mean brightness", unknown)
-    alone = watts(ours) == watts(constant)
-    beside = "as with constant dimming" if alone else f"constant dimming {watts(constant)}"
-    return KeyFigure(watts(ours), "mean power", f"{beside}; full brightness {watts(full)}")
-
-
-def _saving(summary: OptimizationSummary) -> str:
-    ours, full = summary.mean_power, summary.full_power
-    if ours is None or full is None:
-        bright = percent(summary.mean_factor, 0)
-        return (
-            f"{summary.video}: mean brightness {bright}; savings unknown: {no_power_model(summary.display)}"
-        )
-    saved = full - ours
-    panel = summary.power_model
-    where = "" if panel == summary.display else f" on the display of the power model {panel}"
+def _power(summary: OptimizationSummary) -> str:
+    """Return what the power is of, and how long a battery lasts."""
+    panel, life, life_full = summary.power_model, summary.battery_life, summary.battery_life_full
+    if panel is None:
+        return no_power_model(summary.display)
+    lines = []
     if panel == PUBLISHED != summary.display:
-        where = f" on the published panel ({panel}; give {summary.display}'s own as --power-model)"
-    if not saved > 1e-6 * full:
-        return f"{summary.video} saves no power{where}: {watts(full)}, as at full brightness"
-    of_full = f"{watts(saved).removesuffix(' W')} of {watts(full)} ({100 * saved / full:.0f} %)"
-    words = f"{summary.video} saves {of_full}{where}"
-    life, life_full = summary.battery_life, summary.battery_life_full
-    if life is None or life_full is None:
-        return words
-    return (
-        f"{words}; {summary.battery_capacity:g} Wh last that panel alone {life:.3g} h instead of "
-        f"{life_full:.3g} h"
-    )
+        own = f"give {summary.display}'s own as --power-model"
+        lines.append(f"power is that of the published panel ({panel}; {own})")
+    elif panel != summary.display:
+        lines.append(f"power is that of the display of the power model {panel}")
+    if life is not None and life_full is not None:
+        hours = f"{life:.3g} h instead of {life_full:.3g} h"
+        lines.append(f"{summary.battery_capacity:g} Wh last that panel alone {hours}")
+    return "; ".join(lines)
 
 
-def _loses_any(summary: OptimizationSummary) -> bool:
-    return summary.mean_contrast_loss > 0 or summary.mean_contrast_loss_baseline > 0
+def nothing_lost(summary: OptimizationSummary) -> str:
+    """Return that no frame loses anything, and why; empty if one does."""
+    if summary.mean_contrast_loss > 0 or summary.mean_contrast_loss_baseline > 0:
+        return ""
+    if summary.frames_without_contrast == summary.frames:
+        return "nothing is visible in any frame, so there is no contrast to lose"
+    return "no visible contrast is lost in any frame, nor is it with constant dimming"
 
 
-def _cost(summary: OptimizationSummary) -> str:
-    ours, constant = summary.mean_contrast_loss, summary.mean_contrast_loss_baseline
-    if not _loses_any(summary):
-        if summary.frames_without_contrast == summary.frames:
-            return "nothing is visible in any frame, so there is no contrast to lose"
-        return "no visible contrast is lost in any frame, nor is it with constant dimming"
-    worst, worst_constant = summary.worst_contrast_loss, summary.worst_contrast_loss_baseline
-    equal = "equal power" if uses_same_power(summary) else "the same mean factor"
-    what = "% of the visible contrast is lost on average"
-    if worst is None or worst_constant is None:  # an older file
-        mean, other = alike(ours, constant)
-        return f"{mean} {what}, {other} % with constant dimming at {equal}"
-    mean, largest, other, other_largest = alike(ours, worst, constant, worst_constant)
-    return (
-        f"{mean} {what}, {largest} % in the worst frame; with constant dimming at {equal} {other} % and "
-        f"{other_largest} %"
-    )
-
-
-def _differences(summary: OptimizationSummary) -> tuple[str, str, str]:
+def differences(summary: OptimizationSummary) -> tuple[str, str, str]:
     """Return the difference between two frames, with constant dimming, and the least; empty if not known."""
     ours, constant, least = alike(summary.objective, summary.objective_baseline, summary.lower_bound)
     return ours, constant, least if summary.lower_bound > 0 else ""
@@ -203,25 +149,38 @@ def _differences(summary: OptimizationSummary) -> tuple[str, str, str]:
 def evenness(summary: OptimizationSummary) -> str:
     """Return how much frames differ in what they lose; nothing where none loses anything."""
     ours, constant = summary.objective, summary.objective_baseline
-    if not _loses_any(summary):
+    if nothing_lost(summary):
         return ""
     if not (ours > 0 or constant > 0):
         return "constant dimming already loses the same share of contrast in every frame"
-    spread, spread_constant, least = _differences(summary)
+    spread, spread_constant, _ = differences(summary)
     words = (
         f"two frames differ by {spread} points in what they lose{', by their weights' * summary.weighted}, "
         f"with constant dimming by {spread_constant}"
     )
-    if little := _little(summary):
+    if little := little_to_gain(summary):
         return f"{little}: {words}"
-    best = least and f"; best possible {least} points"
-    if not constant > 0:
-        return f"{words}{best}"
-    if NO_GAIN < ours / constant <= 1 and summary.minimized is None:
-        certain = summary.lower_bound > 0.9 * constant
-        why = "; budget, rate limit and lowest factor leave no room" if certain else ""
-        return f"{words}: next to nothing gained{why}"
-    return f"{words}: {compared(ours, constant)}{best}"
+    return f"{words}: {compared(ours, constant)}" if constant > 0 else words
+
+
+def _best_possible(summary: OptimizationSummary) -> str:
+    """Return how little frames can differ at least, where that is known and of use."""
+    constant, least = summary.objective_baseline, differences(summary)[2]
+    if not least or summary.minimized is not None or little_to_gain(summary):
+        return ""
+    certain = summary.objective > NO_GAIN * constant and summary.lower_bound > 0.9 * constant
+    why = ": budget, rate limit and lowest factor leave no room" * certain
+    what = f"mean difference in loss between two frames{', by their weights' * summary.weighted}"
+    return f"unevenness: {what}; within the limits {least} points at least{why}"
+
+
+def _other_measures(summary: OptimizationSummary) -> str:
+    """Return what other measures say of the difference, and in how many frames."""
+    known = [f"{less_or_more(one.gain)} by {one.measure}" for one in summary.measured if one.gain is not None]
+    if not known:
+        return ""
+    frames = f"in {summary.frames_measured} sampled frames, it is {' and '.join(known)}"
+    return f"{frames} (evenlight judge looks at all)"
 
 
 def _minimized(summary: OptimizationSummary) -> str:
@@ -260,7 +219,7 @@ def _off_budget(summary: OptimizationSummary) -> str:
 
 def outcome_in_words(summary: OptimizationSummary) -> str:
     """Return how evenly contrast is lost, and what was minimized if it was not that."""
-    return _sentences((_minimized(summary), evenness(summary) or _cost(summary)))
+    return _sentences((_minimized(summary), evenness(summary) or nothing_lost(summary)))
 
 
 def budget_in_words(summary: OptimizationSummary) -> str:
@@ -282,7 +241,7 @@ def budget_in_words(summary: OptimizationSummary) -> str:
 # --- little to gain
 
 
-def _little(summary: OptimizationSummary) -> str:
+def little_to_gain(summary: OptimizationSummary) -> str:
     """Return that there was little to gain in a video, if so; nothing where losses were minimized."""
     ours, constant = summary.objective, summary.objective_baseline
     worst, mean = summary.worst_contrast_loss_baseline or 0.0, summary.mean_contrast_loss_baseline
@@ -313,28 +272,14 @@ def detection_in_words(summary: OptimizationSummary) -> str:
     return f"The track is {how_near} and {often}."
 
 
-def noticed(summary: OptimizationSummary) -> str:
-    """Return in how many periods of a ramp's length changes are noticed; nothing where that is not known."""
-    seen = summary.watched
-    if seen is None:
+def _watched(summary: OptimizationSummary) -> str:
+    """Return who a watcher is, and what is assumed of people."""
+    if (seen := summary.watched) is None:
         return ""
-    # who judged two intervals did not say that they noticed anything
-    two = summary.rate_limit_procedure is Procedure.TWO_INTERVAL
-    found = "told from stillness" if two else "noticed"
+    assumed = f"; assumed: {seen.assumed}" if seen.assumed else ""
     return (
-        f"{found} in {percent(seen.noticed, 0)} of its periods by the median person, in "
-        f"{percent(seen.noticed_sensitive, 0)} by a sensitive one{' (assumed)' * bool(seen.assumed)}"
+        f"noticed: by the median watcher of a plain screen; 5 % of people are as sensitive as said{assumed}"
     )
-
-
-def _watched(summary: OptimizationSummary) -> tuple[str, ...]:
-    """Return the same, then what a period and who a sensitive person is, and what is assumed of people."""
-    seen = summary.watched
-    if seen is None:
-        return ()
-    each = f"a period is {summary.duration / seen.periods:.2g} s long, and 5 % of people are as sensitive"
-    assumed = "; assumed: " * bool(seen.assumed) + seen.assumed
-    return f"watched on a plain screen it is {noticed(summary)}", each + assumed
 
 
 def moved_in_words(summary: OptimizationSummary) -> str:

@@ -5,27 +5,7 @@ from __future__ import annotations
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import as_in, described, quantity, record, share
 from evenlight.data_schema.tracks.brightness_track import TrackHeader
-from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
-
-
-@record
-class MeasuredTrack:
-    """What one measure says of a track and of constant dimming at equal power."""
-
-    measure: str = described("name of the measure")
-    spread: float = quantity(
-        "1", "mean absolute difference of loss between two frames of the track", minimum=0.0
-    )
-    spread_constant: float = quantity("1", "the same for constant dimming", minimum=0.0)
-    mean_loss: float = share("mean loss of the track")
-    mean_loss_constant: float = share("the same for constant dimming")
-    largest_loss: float = share("largest loss of a frame of the track")
-    largest_loss_constant: float = share("the same for constant dimming")
-
-    @property
-    def gain(self) -> float | None:
-        """Share of the spread that the track saves, below 0 where it is less even; None where none is."""
-        return 1 - self.spread / self.spread_constant if self.spread_constant > 0 else None
+from evenlight.data_schema.tracks.optimization_summary import MeasuredTrack, OptimizationSummary
 
 
 @record

@@ -39,6 +39,26 @@ class MinimizedOutcome:
 
 
 @record
+class MeasuredTrack:
+    """What one measure says of a track and of constant dimming at equal power."""
+
+    measure: str = described("name of the measure")
+    spread: float = quantity(
+        "1", "mean absolute difference of loss between two frames of the track", minimum=0.0
+    )
+    spread_constant: float = quantity("1", "the same for constant dimming", minimum=0.0)
+    mean_loss: float = share("mean loss of the track")
+    mean_loss_constant: float = share("the same for constant dimming")
+    largest_loss: float = share("largest loss of a frame of the track")
+    largest_loss_constant: float = share("the same for constant dimming")
+
+    @property
+    def gain(self) -> float | None:
+        """Share of the spread that the track saves, below 0 where it is less even; None where none is."""
+        return 1 - self.spread / self.spread_constant if self.spread_constant > 0 else None
+
+
+@record
 class ControlSummary:
     """How the online controller held the contrast loss of a video."""
 
@@ -211,6 +231,11 @@ class OptimizationSummary:
         "the spread by each measure, where the worst of several was minimized; the first is the objective",
         default=(),
     )
+    measured: tuple[MeasuredTrack, ...] = described(
+        "what other measures of loss say of frames_measured sampled frames; empty where none were at hand",
+        default=(),
+    )
+    frames_measured: int = count("sampled frames in measured", default=0)
     worst_contrast_loss: float | None = quantity(
         "1", "largest contrast loss of any frame; null in older files", minimum=0.0, default=None
     )

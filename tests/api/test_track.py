@@ -116,7 +116,7 @@ def test_what_is_shown_says_what_it_is(track: evenlight.Track) -> None:
     assert said.endswith(track.summary())
     ours, constant = track.objective, track.objective_baseline
     assert f"{100 * ours:.1f} points" in said  # one unit for a difference of losses, wherever it is told
-    assert f"constant dimming {100 * constant:.1f}" in said
+    assert f"constant {100 * constant:.1f}" in said
     for thing in (track.curves, track.track):
         assert len(repr(thing)) < 300
 

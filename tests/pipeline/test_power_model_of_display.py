@@ -39,10 +39,9 @@ def test_a_display_without_a_power_model_has_no_watts_anywhere(
     out = tmp_path / "out"
     made = command(name, film, "--fps", 5, "--budget", 0.5, *LAPTOP, "--out", out)
     assert made.code == 0, made.err
-    first = made.out.splitlines()[0]
-    assert re.search(
-        "mean brightness 5. %; savings unknown: no power model for laptop-lcd .`evenlight", first
-    )
+    unknown = r"mean brightness: 5. % \(savings unknown: no power model for laptop-lcd\)"
+    assert re.fullmatch(f"  {unknown}", made.out.splitlines()[1])
+    assert "no power model for laptop-lcd (`evenlight run power-sweep` measures one)" in made.out
     assert " W" not in made.out
     summary, header = (json.loads((out / file).read_text()) for file in ("summary.json", "track.json"))
     keys = ("power_model", "mean_power_w", "baseline_power_w", "full_power_w", "battery_life_h")
