@@ -16,7 +16,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
+from evenlight.data_schema.frame import LumaChroma, Pixels
 from evenlight.data_schema.recordings.rig import Dither
+from evenlight.method.gpu.context import is_software, renderer_name
 from evenlight.stimuli.dithering import (
     DEEP_LEVELS,
     level_mixtures,
@@ -24,6 +26,7 @@ from evenlight.stimuli.dithering import (
     neighbouring_codes,
 )
 from evenlight.stimuli.field_renderer import CodeRenderer
+from evenlight.stimuli.plane_uploads import PlaneUploads
 
 if TYPE_CHECKING:
     import moderngl
@@ -80,26 +83,37 @@ class DimmedImage:
 
 
 class ImageUploads:
-    """Puts images into the graphics memory of a context."""
+    """Puts images into the graphics memory of a context.
+
+    Attributes
+    ----------
+    takes_planes : bool
+        Whether pictures of Y, Cb, Cr are best uploaded as they are: not where no graphics card draws.
+    """
 
     def __init__(self, context: moderngl.Context) -> None:
         self._context = context
         self._uploaded: moderngl.Texture | None = None
+        self._planes: PlaneUploads | None = None
+        self.takes_planes = not is_software(renderer_name(context))
 
     def image(self, pixel_values: NDArray[Any]) -> Image:
         """Return the image of pixel values L', (height, width, 3), of any kind of `Frame`; see `upload`."""
         return self.upload(*levels_of(pixel_values))
 
-    def upload(self, levels: NDArray[Any], count: int) -> Image:
+    def upload(self, levels: Pixels, count: int) -> Image:
         """Return the image of an array of levels; it holds until the next one is uploaded.
 
         Parameters
         ----------
-        levels : array of uint8 or uint16, (height, width, 3)
+        levels : array of uint8 or uint16, (height, width, 3), or LumaChroma
             Row 0 on top.
         count : int
             How many levels there are.
         """
+        if isinstance(levels, LumaChroma):
+            self._planes = self._planes or PlaneUploads(self._context)
+            return Image(self._planes.rgb(levels), count)
         height, width, channels = levels.shape
         kind = "u1" if levels.dtype == np.uint8 else "u2"
         texture = self._uploaded

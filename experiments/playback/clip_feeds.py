@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.frame import rgb_of
 from evenlight.experiments.playback.frame_buffer import FrameBuffer, LevelFrame
 from evenlight.experiments.playback.screen_geometry import shown_size
 from evenlight.experiments.recordings import frames_of_refreshes
@@ -112,7 +113,7 @@ class VideoFeed(ImageFeed):
         known, wanted = clip.video.n_frames, len(clip.factors)
         if known is not None and known != wanted:
             raise wrong_count(self._name, known, wanted)
-        self._buffer = FrameBuffer(clip.video, n_frames)
+        self._buffer = FrameBuffer(clip.video, n_frames, planes=renderer.takes_planes)
         self._frame: LevelFrame | None = None
         self._image: Image | None = None
 
@@ -146,7 +147,7 @@ class VideoFeed(ImageFeed):
         if self._scaler is not None:
             return self._scaler.levels()
         frame = self._present()
-        return frame.levels, frame.count
+        return rgb_of(frame.levels), frame.count
 
     def close(self) -> None:
         """End the reading."""

@@ -8,13 +8,11 @@ from collections import deque
 from collections.abc import Generator
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.frame import Frame
+from evenlight.data_schema.frame import Frame, LumaChroma, Pixels
 from evenlight.stimuli.dithering import levels_of
 from evenlight.stimuli.video.video_source import VideoSource
 
@@ -27,7 +25,7 @@ class LevelFrame:
 
     index: int  # place in the video, from 0
     time: float  # when it appears [s]
-    levels: NDArray[Any]  # (height, width, 3): levels of its pixels, row 0 on top
+    levels: Pixels  # (height, width, 3): levels of its pixels, row 0 on top
     count: int  # how many levels there are
 
 
@@ -44,10 +42,14 @@ class FrameBuffer(AbstractContextManager["FrameBuffer"]):
         How many of its frames are needed, from the first on.
     capacity : int, optional
         Memory that the frames ahead may take [bytes]; two are held even if they take more.
+    planes : bool, optional
+        Whether frames of Y, Cb, Cr stay as they are.
     """
 
-    def __init__(self, source: VideoSource, n_frames: int, capacity: int = CAPACITY) -> None:
-        self._source, self._n_frames, self._capacity = source, n_frames, capacity
+    def __init__(
+        self, source: VideoSource, n_frames: int, capacity: int = CAPACITY, *, planes: bool = False
+    ) -> None:
+        self._source, self._n_frames, self._capacity, self._planes = source, n_frames, capacity, planes
         self._frames: deque[LevelFrame] = deque()
         self._failure: BaseException | None = None
         self._ended = self._closed = False
@@ -117,7 +119,7 @@ class FrameBuffer(AbstractContextManager["FrameBuffer"]):
                             f"the video {self._source.name!r} ends after {index} of the {self._n_frames} "
                             "frames that its brightness track has"
                         )
-                    if not self._put(_level_frame(index, frame)):
+                    if not self._put(_level_frame(index, frame, self._planes)):
                         break
         except BaseException as error:  # it is raised again where the frame is asked for
             failure = error
@@ -138,12 +140,15 @@ class FrameBuffer(AbstractContextManager["FrameBuffer"]):
         return self._frames[-1].time - self._frames[0].time if self._frames else 0.0
 
     def _is_full(self) -> bool:
-        n, size = len(self._frames), self._frames[-1].levels.nbytes if self._frames else 0
-        return n >= 2 and (n + 1) * size > self._capacity
+        n, levels = len(self._frames), self._frames[-1].levels if self._frames else np.empty(0)
+        arrays = levels.planes if isinstance(levels, LumaChroma) else (levels,)
+        return n >= 2 and (n + 1) * sum(array.nbytes for array in arrays) > self._capacity
 
 
-def _level_frame(index: int, frame: Frame) -> LevelFrame:
+def _level_frame(index: int, frame: Frame, planes: bool) -> LevelFrame:
     """Return a frame's levels, in an array of their own: the reader may fill its array again."""
+    if planes and isinstance(frame.pixels, LumaChroma):
+        return LevelFrame(index, frame.time, frame.pixels, 256)
     levels, count = levels_of(frame.pixel_values)
     if np.shares_memory(levels, frame.pixel_values):
         levels = levels.copy()

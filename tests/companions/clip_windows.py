@@ -65,6 +65,8 @@ STEADY = clip_of(np.arange(50) / 25)  # 2 s
 class Renderer:
     """Notes pictures and fields instead of drawing them."""
 
+    takes_planes = False
+
     drawn: list[Any]
 
     def __init__(self, *_: object) -> None:

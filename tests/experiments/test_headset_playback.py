@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 from headset_frames import since
@@ -41,9 +42,11 @@ from evenlight.hardware.rig_files import load_rig
 from evenlight.hardware.simulated.headset import HeadsetScript, SimulatedHeadset
 from evenlight.method.contrast.luminance import displayed_luminance
 from evenlight.method.preset_files import load_display
+from evenlight.stimuli import image_renderer
 from evenlight.stimuli.eyes import surfaces
 from evenlight.stimuli.eyes.surfaces import FlatScreen
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
+from evenlight.stimuli.video.video_file import open_video_file
 
 DISPLAY = load_display("varjo-xr3")
 EYE_SIZE = (96, 80)
@@ -169,6 +172,29 @@ def test_a_flat_video_is_uploaded_when_a_frame_of_it_is_due_and_stands_in_the_da
     means = block_means(displayed_luminance(given[-1].codes[:, :96] / 255, devices.display))
     assert means.max() <= brightest.max() * 1.02
     assert means.max() >= darkest.max() * 1.1  # squares, blurred by a screen of few pixels
+
+
+def test_a_film_of_a_file_is_uploaded_as_planes_where_a_graphics_card_draws(
+    opened, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Y, Cb and Cr, for each of five frames; what is drawn is the same."""
+    with av.open(tmp_path / "film.mkv", "w") as container:
+        stream = container.add_stream("ffv1", rate=25)
+        stream.width, stream.height, stream.pix_fmt = 64, 32, "yuv420p"
+        for frame in Squares().frames():
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame.pixel_values, "rgb24")))
+        container.mux(stream.encode())
+    video, uploads, codes = open_video_file(tmp_path / "film.mkv"), [], []
+    for software in (True, False):
+        monkeypatch.setattr(image_renderer, "is_software", lambda _, software=software: software)
+        playback = replace(of_squares(FlatScreen(60.0)), video=video)
+        with pytest.MonkeyPatch.context() as patched:
+            given = watch(patched)
+            assert Player(opened(HeadsetScript(head=lambda _: Pose())), playback, lambda _: None).play()
+        uploads.append(sum(one.counts["Texture.write"] for one in given[-18:]))
+        codes.append([one.codes for one in given[-18:]])
+    assert uploads == [5, 15]
+    np.testing.assert_array_equal(*codes)
 
 
 def test_the_trigger_goes_on_to_the_next_version_and_the_menu_button_ends(opened) -> None:

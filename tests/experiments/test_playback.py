@@ -56,6 +56,8 @@ class Gray:
 class Renderer:
     """Notes the factors of the pictures, instead of drawing them."""
 
+    takes_planes = False
+
     factors: list[float]
 
     def __init__(self, *_: object) -> None:

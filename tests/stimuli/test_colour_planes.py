@@ -1,5 +1,6 @@
 """Y, Cb, Cr without R, G, B: the same light to the last bit, or R, G, B as before."""
 
+from dataclasses import replace
 from fractions import Fraction
 
 import av
@@ -15,6 +16,8 @@ from evenlight.data_schema.frame import Frame, LumaChroma, same_pixels
 from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.loss_curves import analyze_frames
+from evenlight.stimuli.image_renderer import ImageUploads
+from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.video.colour_planes import PixelReader
 from evenlight.stimuli.video.film_reader import STRICT
 from evenlight.stimuli.video.frame_conversion import ColourConverter, planes_of
@@ -72,6 +75,32 @@ def test_planes_give_the_light_of_rgb_to_the_last_bit(pixel_format, matrix, colo
     of_planes, of_rgb = light().luminance_and_means(pixels), light().luminance_and_means(rgb)
     np.testing.assert_array_equal(of_planes[0], of_rgb[0])
     np.testing.assert_array_equal(of_planes[1], of_rgb[1])
+
+
+@pytest.fixture(scope="module")
+def uploads():
+    with offscreen_context() as context:
+        context.simple_framebuffer((4, 4)).use()
+        yield ImageUploads(context)
+
+
+@pytest.mark.parametrize("amid", [(False, False), (False, True), (True, False), (True, True)])
+@pytest.mark.parametrize("size", [(32, 24), (33, 25), (2, 2)])
+@pytest.mark.parametrize(("pixel_format", "colour_range"), [
+    ("yuv420p", LIMITED), ("yuv420p", FULL), ("yuv422p", LIMITED), ("yuv444p", FULL),
+])  # fmt: skip
+def test_the_graphics_card_makes_the_same_codes_of_planes(uploads, pixel_format, colour_range, size, amid):
+    """Their light is that of the processor's loop; where chroma lies as FFmpeg takes it, they are its own."""
+    frame = textured(pixel_format, size)
+    frame.colorspace, frame.color_range = 1, colour_range
+    pixels = PixelReader().pixels(frame)
+    found_out = pixels.amid == amid
+    pixels = replace(pixels, amid=amid)
+    texture = uploads.upload(pixels, 256).texture
+    made = np.frombuffer(texture.read(alignment=1), np.uint8).reshape(*size[::-1], 4)[..., :3]
+    np.testing.assert_array_equal(light().luminance(made), light().luminance(pixels))
+    if found_out:
+        np.testing.assert_array_equal(made, pixels.rgb)
 
 
 @pytest.mark.parametrize(("colour_range", "matrix"), [(LIMITED, 1), (FULL, 6)])
