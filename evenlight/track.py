@@ -331,8 +331,8 @@ def load(folder: Named) -> Any:
         )
     if not (of / TRACK).exists():
         raise InputError(
-            f"{of}: holds no track; of other results read the tables with pandas and rate limits with "
-            "`load_rate_limit`, or make the result anew of the same data"
+            f"{of}: holds no track (of several clips, each has a folder in it); of other results read tables "
+            "with pandas and rate limits with `load_rate_limit`, or make the result anew of the same data"
         )
     track = Track(
         read_track(of / TRACK),
