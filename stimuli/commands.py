@@ -40,7 +40,7 @@ def render(
         float | None, viewing(help="Visual angle that the width of the video spans.", show_default="90")
     ] = None,
     display: Annotated[
-        str | None, viewing(help="Display to render it for, pixel for pixel: a preset or a toml file.")
+        str | None, viewing(help="Display that it fills, or pixel for pixel if its size is not known.")
     ] = None,
     force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
     quiet: QuietOption = False,

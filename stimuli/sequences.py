@@ -22,7 +22,7 @@ from evenlight.stimuli.sequence_format import BuiltInSequence, SequenceFormat
 from evenlight.stimuli.sunrise import Sunrise
 from evenlight.stimuli.video.video_locations import RemoteFile, is_url, local_name, shown_name
 from evenlight.stimuli.video.video_source import VideoSource
-from evenlight.stimuli.video.viewing_geometry import field_of_view_on
+from evenlight.stimuli.video.viewing_geometry import field_of_view_on, full_screen
 
 # Camera paths through scenes that serve as sequences.
 WALKS = ("library", "gym", "living_room", "basement", "house")
@@ -63,7 +63,7 @@ def built_in_sequence(
     duration, frames_per_second : float, optional
         Length [s] and frame rate [Hz].
     seen : float or Display, optional
-        What its width spans [deg], or the display that it is rendered for, pixel for pixel.
+        What its width spans [deg], or the display that it fills (pixel for pixel, if of unknown size).
     scene : str
         Name or file of the scene that the camera path of a file leads through, in place of its own.
 
@@ -85,8 +85,9 @@ def built_in_sequence(
     width, height = size or (standard.width, standard.height)
     seconds = standard.duration if duration is None else duration
     rate = standard.frames_per_second if frames_per_second is None else frames_per_second
-    degrees = field_of_view_on(seen, width) if isinstance(seen, Display) else seen
-    field_of_view = standard.field_of_view if degrees is None else degrees
+    if isinstance(seen, Display):
+        seen = full_screen(seen, (width, height)) or field_of_view_on(seen, width)
+    field_of_view = standard.field_of_view if seen is None else seen
     try:
         return make(SequenceFormat(width, height, seconds, rate, field_of_view))
     except ValueError as error:

@@ -90,9 +90,10 @@ class ScreenGeometry:
             return words
         if drawn:
             return f"{words}, drawn {self.scale:.3g} times as fine as its track was made for"
+        across, down = self.display.resolution or room
         return (
             f"{words}, scaled {self.scale:.3g} times: `evenlight render` with --display and --size "
-            f"{room[0]}x{room[1]} makes a video for it"
+            f"{across}x{down} makes a video for it"
         )
 
 

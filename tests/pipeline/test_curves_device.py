@@ -33,31 +33,12 @@ def test_a_choice_that_shaders_cannot_do_is_refused_or_left_to_the_processor(com
     own_context()
     model = tmp_path / "level_mean.contrast_model.toml"
     model.write_text('sensitivity = "authors"\n')
-    refused = command(
-        "optimize",
-        "--no-player",
-        *CLIP,
-        "--device",
-        "gpu",
-        "--contrast-model",
-        model,
-        "--out",
-        tmp_path / "gpu",
-    )
+    asked = ("optimize", *CLIP, "--no-player", "--contrast-model", model)
+    refused = command(*asked, "--device", "gpu", "--out", tmp_path / "gpu")
     assert refused.code == 2
     assert refused.err.count("\n") == 1
     assert "sensitivity" in refused.err
     assert not (tmp_path / "gpu").exists()
-    left = command(
-        "optimize",
-        "--no-player",
-        *CLIP,
-        "--device",
-        "auto",
-        "--contrast-model",
-        model,
-        "--out",
-        tmp_path / "auto",
-    )
+    left = command(*asked, "--device", "auto", "--out", tmp_path / "auto")
     assert left.code == 0
     assert left.err.startswith("loss curves on the processor: ")

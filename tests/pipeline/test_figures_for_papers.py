@@ -104,17 +104,12 @@ def test_a_style_sheet_counts_for_what_is_drawn_in_its_block_wherever_it_is_writ
     assert b"50 % of $x$" in png_bytes(usual, "svg")
 
 
-@pytest.mark.parametrize(
-    ("kinds", "style", "told"),
-    [
+def test_another_format_or_a_wrong_setting_is_refused(tmp_path: Path) -> None:
+    for kinds, sheet, told in (
         (("eps",), "", "figures must be one of svg, pdf, got 'eps'"),
         ((), "font.sise: 9", "unknown key 'font.sise'; did you mean 'font.size'"),
         ((), "font.size: wide", "Could not convert 'wide' to float"),
-    ],
-)
-def test_another_format_or_a_wrong_setting_is_refused(
-    tmp_path: Path, kinds: tuple[str, ...], style: str, told: str
-) -> None:
-    (tmp_path / "own.mplstyle").write_text(style)
-    with pytest.raises(InputError, match=re.escape(told)):
-        evenlight.figures_as(*kinds, style=tmp_path / "own.mplstyle")
+    ):
+        (tmp_path / "own.mplstyle").write_text(sheet)
+        with pytest.raises(InputError, match=re.escape(told)):
+            evenlight.figures_as(*kinds, style=tmp_path / "own.mplstyle")

@@ -28,13 +28,9 @@ def judged(tmp_path_factory):
         main(
             [
                 "optimize",
-                "--no-player",
                 str(clip),
-                "--budget",
-                "0.5",
-                "--out",
+                *["--budget", "0.5", "--no-player", "--quiet", "--out"],
                 str(folder / "track"),
-                "--quiet",
             ]
         )
     assert not ended.value.code

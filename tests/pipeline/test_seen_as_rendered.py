@@ -12,6 +12,7 @@ from evenlight.data_schema.display import pixels_per_degree_at
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.brightness_track import read_track
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.experiments.playback.screen_geometry import ScreenGeometry
 from evenlight.stimuli.sequences import built_in_sequence, open_video
 from evenlight.stimuli.video.viewing_geometry import viewing_geometry
 from evenlight.stimuli.video_writer import write_video
@@ -74,14 +75,34 @@ def test_the_file_of_a_sequence_gives_its_track(sequence, rendered) -> None:
         assert made.track.header.pixels_per_degree == pytest.approx(DENSITY)
 
 
-def test_what_is_rendered_for_a_display_is_pixel_for_pixel_on_it(command, tmp_path) -> None:
-    path = tmp_path / "board.mkv"
-    assert command("render", "checkerboard", "--display", "varjo-xr3", "--out", path, *FORMAT).code == 0
-    curves = evenlight.loss_curves(path)
-    assert curves.display == PANEL
-    # 48 pixels from the middle to the edge, on a plane 72.28 · 180 / π pixels away.
-    half = np.arctan(48 / (PANEL.pixels_per_degree * 180 / np.pi))
-    assert curves.field_of_view == pytest.approx(np.degrees(2 * half))
+def test_what_is_rendered_for_a_display_fills_it(command, tmp_path) -> None:
+    """Or is pixel for pixel on it, where its size is not known: 48 pixels from the middle to the edge."""
+    path, half = tmp_path / "board.mkv", np.arctan(np.radians(48 / PANEL.pixels_per_degree))
+    laptop = evenlight.load_display("laptop-lcd")
+    wide = np.arctan(laptop.size[0] / 2000 / laptop.viewing_distance)  # as 16:9 as the panel
+    for display, angle in ((PANEL, half), (laptop, wide)):
+        asked = ("render", "checkerboard", "--display", display.name, "--out", path, "--force", *FORMAT)
+        assert command(*asked).code == 0
+        assert evenlight.loss_curves(path, display=display).field_of_view == pytest.approx(
+            np.degrees(2 * angle), rel=1e-3
+        )
+
+
+def test_what_is_rendered_at_the_resolution_of_a_display_has_its_pixels() -> None:
+    """So that nothing is scaled where it is shown; any other size is, and is told which would not be."""
+    tv = replace(PANEL, resolution=(96, 54), size=(960.0, 540.0), viewing_distance=2.4)
+    tv = replace(tv, pixels_per_degree=pixels_per_degree_at(tv.resolution, tv.size, 2.4))
+    sharp, soft = (built_in_sequence("checkerboard", size, 1.0, 5.0, tv) for size in ((96, 54), (48, 27)))
+    assert sharp.field_of_view == pytest.approx(2 * np.degrees(np.arctan(0.48 / 2.4)))
+    assert soft.field_of_view == sharp.field_of_view
+    shown = [
+        ScreenGeometry((one.format.width, one.format.height), one.field_of_view, tv, None)
+        for one in (sharp, soft)
+    ]
+    assert [one.scale for one in shown] == [1.0, pytest.approx(2.0, rel=1e-3)]
+    assert "with --display and --size 96x54 makes" in shown[1].in_words("board", (64, 36))
+    tall = built_in_sequence("checkerboard", (54, 54), 1.0, 5.0, tv)  # bars at its sides
+    assert tall.field_of_view == pytest.approx(2 * np.degrees(np.arctan(0.27 / 2.4)))
 
 
 @pytest.mark.parametrize(("degrees", "read"), [(72.5, 72.5), (1 / 3 + 60, 1 / 3 + 60), (None, None)])
@@ -104,17 +125,8 @@ def test_a_damaged_field_of_view_is_named(command, tmp_path, tag) -> None:
 def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command, rendered, tmp_path) -> None:
     told = command("optimize", "--no-player", rendered, "--budget", 0.5, "--out", tmp_path / "seen")
     assert "board: analysed at 90°, 0.838 pixels/°" in told.err
-    narrow = command(
-        "optimize",
-        "--no-player",
-        rendered,
-        "--budget",
-        0.5,
-        "--field-of-view",
-        1.4,
-        "--out",
-        tmp_path / "narrow",
-    )
+    asked = ("--budget", 0.5, "--field-of-view", 1.4, "--no-player")
+    narrow = command("optimize", rendered, *asked, "--out", tmp_path / "narrow")
     assert "board: analysed at 1.4°, 68.6 pixels/°" in narrow.err
     summary = json.loads((tmp_path / "narrow" / "summary.json").read_text())
     assert summary["field_of_view_deg"] == 1.4
@@ -128,12 +140,8 @@ def test_the_command_says_how_large_the_video_is_seen_and_writes_it_down(command
 
 
 def test_the_controller_sees_what_the_optimizer_sees(command, rendered, tmp_path) -> None:
-    assert (
-        command(
-            "control", "--no-player", rendered, "--target-loss", 0.05, "--out", tmp_path / "pid", "--quiet"
-        ).code
-        == 0
-    )
+    asked = ("control", rendered, "--target-loss", 0.05, "--no-player", "--quiet")
+    assert command(*asked, "--out", tmp_path / "pid").code == 0
     curves = read_loss_curves(tmp_path / "pid" / "loss_curves.npz")
     assert curves.field_of_view == read_track(tmp_path / "pid" / "track.csv").header.field_of_view == 90
     assert curves.display.pixels_per_degree == pytest.approx(DENSITY)
