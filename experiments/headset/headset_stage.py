@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.recordings.rig import Rig
+from evenlight.data_schema.recordings.rig import Eye, Rig
 from evenlight.experiments.headset.choices import Choice, answers_of, choice_image
 from evenlight.experiments.headset.controllers import (
     NEXT,
@@ -43,7 +43,8 @@ from evenlight.experiments.stage import (
 from evenlight.hardware.presentation.headset_window import PANEL_SIZE, HeadsetWindow, ShownFrame
 from evenlight.hardware.presentation.mirror_window import STRIP_SIZE
 from evenlight.hardware.protocols import KeyPress, ResponseDevice, TriggerOutput
-from evenlight.stimuli.eyes.surfaces import PANEL_WIDTH
+from evenlight.stimuli.eyes.surfaces import PANEL_WIDTH, panel_matrix
+from evenlight.stimuli.field_renderer import Field
 from evenlight.stimuli.page_image import centred_image
 from evenlight.stimuli.video.viewing_geometry import pixels_per_degree_in
 
@@ -56,6 +57,7 @@ NOT_TRACKED = "where the head is was not known"
 RECENTRED = "straight ahead was set anew, by the runtime, by F4 or by the menu button"
 BROKEN_OFF = "the operator broke it off"
 NUMBER_SIZE = 3.0  # of an interval's number, as high as a heading, in multiples of a page's text
+TEXT_MARGIN = 40  # around text that is not read back: it is blurred [pixels of the panel]
 STRIP_TEXT = 0.5  # of its letters, in multiples of those of a page as wide
 Shown = TypeVar("Shown", bound=ShownStimulus)
 
@@ -173,9 +175,7 @@ class HeadsetStage(WindowStage):
         frames = self._headset.shown_frames()[-len(shown.flip_times) :]
         self._ahead = shown.onset - frames[0].display_time
         self._keep(frames)
-        unseen = (
-            why_unseen(frame.focused, frame.visible, frame.tracked, frame.recentred) for frame in frames
-        )
+        unseen = (why_unseen(one.focused, one.visible, one.tracked, one.recentred) for one in frames)
         if self._begun and (why := next(filter(None, unseen), "")):
             raise PausePressed(why)
         return shown
@@ -209,9 +209,21 @@ class HeadsetStage(WindowStage):
         return None
 
     def _probe_places(self, interval: RampInterval, n_frames: int) -> list[int]:
-        """Return the places that are read back: none with a person, or where text stands in the way."""
-        free = self._reads_back and not interval.label and not interval.mark_contrast
-        return super()._probe_places(interval, n_frames) if free else []
+        """Return the places that are read back: none with a person."""
+        return super()._probe_places(interval, n_frames) if self._reads_back else []
+
+    def _free_codes(self, field: Field) -> NDArray[np.int64]:
+        """Return codes of the eye that counts: in the middle, or all around the text on the panel."""
+        if field.coverage is None:
+            return super()._free_codes(field)
+        size, frame = self._headset.eye_size(), self._headset.eyes()
+        matrix = panel_matrix(frame.eyes[self._rig.eye is Eye.RIGHT], size, frame.head, PANEL_SIZE)
+        y, x = np.indices(size[::-1]) + 0.5
+        right, down, ahead = np.tensordot(matrix, [x, y, np.ones_like(x)], axes=1)
+        rows, columns = (np.flatnonzero(field.coverage.any(axis=axis)) for axis in (1, 0))
+        beside = np.abs(right / ahead - columns.mean()) > np.ptp(columns) / 2 + TEXT_MARGIN
+        above = np.abs(down / ahead - rows.mean()) > np.ptp(rows) / 2 + TEXT_MARGIN
+        return np.asarray(self._headset.read_codes(size)[beside | above])
 
     def _search_presses(self) -> list[KeyPress]:
         """Return presses as keys of a search: the trigger finds, the stick turns the room by steps."""

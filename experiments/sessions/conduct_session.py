@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import json
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -22,6 +23,18 @@ from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.session_store import SessionStore
 from evenlight.experiments.sessions.task import Participant, Task, TrialPlace
 from evenlight.experiments.stage import PausePressed, SessionStopped, SkipPressed, Stage
+
+
+@contextmanager
+def no_garbage_collected() -> Iterator[None]:
+    """Let Python collect no garbage meanwhile: that takes longer than a frame lasts."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collects:
+            gc.enable()
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,7 +203,7 @@ class _Session:
             self.store.note(EventKind.TRIAL_BEGUN, trial_index=place.trial_index, attempt=place.attempt)
             try:
                 self.parts.stage.seen_in_headset()  # what was shown before is no part of this trial
-                with self._triggers_noted(place.trial_index, place.attempt):
+                with self._triggers_noted(place.trial_index, place.attempt), no_garbage_collected():
                     done = self.parts.task.conduct(
                         planned, place, self.parts.stage, self.parts.participant, self.parts.pages
                     )

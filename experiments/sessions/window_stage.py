@@ -290,14 +290,19 @@ class WindowStage(Stage):
         recording.note(flip, intended, self._brightness.reported(), probed)
 
     def _ground_drawn(self, field: Field) -> float:
-        """Return the mean luminance drawn in the middle, where no text is, before its flip [cd/m^2]."""
-        codes = self._window.read_codes(PROBE_SIZE)
-        if field.coverage is not None:
-            read = codes.shape[1], codes.shape[0]
-            codes = codes[part_of(field.coverage, self._window.size(), read) == 0]
+        """Return the mean luminance drawn where no text is, before its flip [cd/m^2]."""
+        codes = self._free_codes(field)
         # Codes are counted, not turned into luminances one by one: this happens while the flip is waited for.
         counts = np.bincount(codes.ravel(), minlength=self._luminance_of_code.size)
         return float(counts @ self._luminance_of_code / counts.sum())
+
+    def _free_codes(self, field: Field) -> NDArray[np.int64]:
+        """Return codes in the middle of the window that no text is on."""
+        codes = self._window.read_codes(PROBE_SIZE)
+        if field.coverage is None:
+            return codes
+        read = codes.shape[1], codes.shape[0]
+        return np.asarray(codes[part_of(field.coverage, self._window.size(), read) == 0])
 
     def _ramp_field(self, interval: RampInterval, luminance: float, labelled: bool) -> Field:
         """Return the field of a frame of an interval, with the interval's number if it is to have one."""

@@ -90,18 +90,15 @@ class HeadsetWindow(ContextDevice, ABC):
         self._origin_due = True
         self._begin_frame()
 
-    def recentre(self) -> None:
+    def recentre(self, *, noted: bool = False) -> None:
         """Take where the head is as the origin, and where it points as straight ahead, from this frame on.
 
-        While it is not worn or not tracked the origin is due, and is taken as soon as it is.
+        While it is not worn or not tracked the origin is due, and is taken as soon as it is. If it is in the
+        midst of what is shown, the frame is to be `noted` as recentred.
         """
         self._origin_due = True
         self._place()
-
-    def recentre_as_asked(self) -> None:
-        """Do so for the operator or the wearer, in whatever is shown: this frame is noted as recentred."""
-        self.recentre()
-        self._frame = replace(self._frame, recentred=True)
+        self._frame = replace(self._frame, recentred=noted)
 
     def size(self) -> tuple[int, int]:
         """Return width and height of the panel of pages [pixels]; not those of an eye's picture."""
@@ -179,7 +176,7 @@ class HeadsetWindow(ContextDevice, ABC):
         """
         pressed = self.controller_presses()
         if any(press.name == MENU_HELD for press in pressed):
-            self.recentre_as_asked()
+            self.recentre(noted=True)
         pressed = [press for press in pressed if press.name != MENU_HELD]
         return [KeyPress(press.name, self.now()) for press in pressed] if self._refresh_clock else pressed
 
@@ -287,18 +284,8 @@ class HeadsetWindow(ContextDevice, ABC):
         refresh = min(frame.period, 1 / self.facts().refresh_rate)
         missed = 0 if self._last is None else round((shown - self._last) / refresh) - 1
         self._last = shown
-        self._shown.append(
-            ShownFrame(
-                shown,
-                frame.period,
-                max(missed, 0),
-                frame.head,
-                frame.visible,
-                self.focused(),
-                frame.tracked,
-                frame.recentred,
-            )
-        )
+        state = frame.visible, self.focused(), frame.tracked, frame.recentred
+        self._shown.append(ShownFrame(shown, frame.period, max(missed, 0), frame.head, *state))
 
 
 class OperatorKeys(ContextDevice):
@@ -317,7 +304,7 @@ class OperatorKeys(ContextDevice):
         """Return the keys pressed since the last call, in order, but `RECENTRE`, which acts at once."""
         presses = self._window.mirror.pressed() if self._window.mirror is not None else []
         if any(press.name == RECENTRE for press in presses):
-            self._window.recentre_as_asked()
+            self._window.recentre(noted=True)
         return [press for press in presses if press.name != RECENTRE]
 
     def held(self) -> frozenset[str]:

@@ -126,12 +126,8 @@ class Controllers:
             xr.get_action_state_float(self._session, xr.ActionStateGetInfo(action))
             for action in self._buttons.values()
         )
-        self._note(
-            "trigger",
-            "trigger",
-            trigger.current_state if trigger.is_active else 0.0,
-            trigger.last_change_time,
-        )
+        pulled = trigger.current_state if trigger.is_active else 0.0
+        self._note("trigger", "trigger", pulled, trigger.last_change_time)
         if not menu.is_active:
             self._menu = MenuButton()
         elif said := self._menu.said(menu.current_state, now):

@@ -9,7 +9,7 @@ import ctypes
 import os
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from types import FunctionType
 from typing import Any
@@ -88,7 +88,8 @@ class Library:
     """
 
     def __init__(self, xr: Any) -> None:
-        self._xr, self.afterwards = xr, _nothing
+        self._xr = xr
+        self.afterwards: Callable[[], object] = bool  # does nothing, until there is a context
 
     def __getattr__(self, name: str) -> Any:
         found = getattr(self._xr, name)
@@ -103,10 +104,6 @@ class Library:
 
         setattr(self, name, called)
         return called
-
-
-def _nothing() -> None:
-    """Leave the context as it is: there is none yet."""
 
 
 class OpenXRRuntime:

@@ -1,6 +1,7 @@
 """Whole sessions in a headset that is made up: its runtime, its wearer and its operator follow a script."""
 
 import dataclasses
+import gc
 import json
 import math
 import shutil
@@ -14,7 +15,7 @@ from headset_frames import since
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, HEADSET, MANIFEST, TRIALS
-from evenlight.data_schema.recordings.ramp import RampDesign
+from evenlight.data_schema.recordings.ramp import Procedure, RampDesign
 from evenlight.data_schema.recordings.search import SearchDesign
 from evenlight.data_schema.recordings.session import SessionStatus
 from evenlight.data_schema.recordings.viewing import ComparisonDesign, RatingDesign
@@ -26,6 +27,7 @@ from evenlight.experiments.headset.headset_stage import (
     NOT_TRACKED,
     NOT_WORN,
     RECENTRED,
+    HeadsetStage,
 )
 from evenlight.experiments.run_session import SessionOutcome, SessionRequest, run_session
 from evenlight.experiments.sessions.pages import load_pages
@@ -236,6 +238,30 @@ def test_the_runtime_says_refresh_rate_and_pixels_per_degree(lab: Laboratory) ->
 def test_drawn_means_are_the_ramps(stored: Laboratory) -> None:
     for trial in stored.kept("ramp").rows(name="ramp"):
         assert trial["largest_luminance_error_cd_m2"] < 0.3  # noise over 128 x 128 pixels of one eye
+
+
+def test_a_rehearsal_reads_back_ramps_with_a_mark_and_with_numbers(lab: Laboratory) -> None:
+    """Two intervals for each question, and the mark that observers look at: all around them."""
+    design = dataclasses.replace(RAMPS, procedure=Procedure.TWO_INTERVAL, catch_share=0.0, fixation_mark=True)
+    assert lab.run(design=design).status is SessionStatus.COMPLETE
+    assert len(lab.rows()) > 3
+    assert all(len(log["probe_frames"]) > 3 for log in lab.rows(FRAMES))
+    assert all(trial["largest_luminance_error_cd_m2"] < 0.3 for trial in lab.rows())
+
+
+def test_no_garbage_is_collected_in_trials(lab: Laboratory, monkeypatch: pytest.MonkeyPatch) -> None:
+    collects: dict[str, set[bool]] = {"show_ramp": set(), "show_page": set()}
+    for name, seen in collects.items():
+        plain = getattr(HeadsetStage, name)
+
+        def watched(*arguments: Any, plain: Any = plain, seen: set[bool] = seen, **options: Any) -> Any:
+            seen.add(gc.isenabled())
+            return plain(*arguments, **options)
+
+        monkeypatch.setattr(HeadsetStage, name, watched)
+    gc.enable()
+    lab.run()
+    assert collects == {"show_ramp": {False}, "show_page": {True}}
 
 
 def test_controllers_answer(stored: Laboratory) -> None:
