@@ -42,7 +42,7 @@ def judge(
     force: ForceOption = False,
     quiet: QuietOption = False,
 ) -> None:
-    """Judge a track by several measures of what is lost, beside constant dimming at equal power."""
+    """Judge a track by several measures of what is lost, beside constant dimming."""
     from evenlight.analysis.judgement.judgement import judge_track
     from evenlight.data_schema.arguments import must_be_one_of, whole
     from evenlight.data_schema.storage.result_folders import result_folder

@@ -1,4 +1,4 @@
-"""A brightness track, and constant dimming at equal power, by several measures of loss: numbers and files."""
+"""A brightness track, and constant dimming, by several measures of loss: numbers and files."""
 
 from __future__ import annotations
 
@@ -178,7 +178,8 @@ class JudgedTrack(Result):
             beside = f"{worst.jod_flicker:.2f} for a flicker of 2 %; 10 is no difference"
             figures.append(KeyFigure(f"{worst.jod:.2f} JOD", "movement, by ColorVideoVDP", beside))
         said = [f"{less_or_more(one.gain or 0.0)} ({one.measure})" for one in ends]
-        return prose("judge_lead", video=own.video, said=said)[0], tuple(figures)
+        lead = prose("judge_lead", video=own.video, said=said, constant=f"{own.constant_factor:.3g}")
+        return lead[0], tuple(figures)
 
     @property
     def figures(self) -> Mapping[str, Figure]:
@@ -216,7 +217,7 @@ def _measure_tables(judgement: Judgement) -> list[Table]:
         spreads = (f"{100 * number:.2f}" for number in (one.spread, one.spread_constant))
         rows.append((one.measure, *spreads, compared, *(f"{100 * number:.2f}" for number in losses)))
     numbers = Table(
-        "Loss of visible contrast of the track and of constant dimming at equal power, by each measure: mean "
+        "Loss of visible contrast of the track and of constant dimming, by each measure: mean "
         "difference between two frames [percentage points], mean and largest of the frames [%].",
         ("measure", "difference", "constant", "compared", "mean loss", "constant", "largest", "constant"),
         tuple(rows),
@@ -238,7 +239,7 @@ def _modulation_tables(judgement: Judgement) -> list[Table]:
 def judgement_figure(judgement: Judgement) -> Figure:
     """Draw the spread of loss by each measure, and the rank correlation of each pair of measures."""
     words = (
-        "Left: how differently the frames lose contrast, beside constant dimming at equal power. Right: rank "
+        "Left: how differently the frames lose contrast, beside constant dimming. Right: rank "
         "correlation of the measures over the frames, at constant dimming."
     )
     with style.look():

@@ -24,7 +24,7 @@ from evenlight.method.optimizer.splitting import SplittingSolver
 
 SHARES = (0.1, 0.25, 0.5, 0.75, 0.9)  # of detections at the limit
 ABOUT = (
-    "Gain: how much less uneven frames lose contrast than with constant dimming at equal power. Below: the "
+    "Gain: how much less uneven frames lose contrast than with constant dimming. Below: the "
     "share of periods, as long as the calibration's ramps, in which a viewer of a plain screen sees a change."
 )
 
