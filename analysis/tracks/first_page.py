@@ -22,7 +22,7 @@ from evenlight.analysis.tracks.track_words import (
 )
 from evenlight.analysis.wording import percent
 from evenlight.data_schema.recordings.ramp import Procedure
-from evenlight.data_schema.tracks.optimization_summary import MeasuredTrack, OptimizationSummary
+from evenlight.data_schema.tracks.optimization_summary import ROUNDING, MeasuredTrack, OptimizationSummary
 from evenlight.method.online.gain import NO_GAIN
 
 CLEARLY = 0.05  # by which a measure finds frames to differ more, so that it is told: about 1 SD of 24 samples
@@ -105,8 +105,8 @@ def _evenness(summary: OptimizationSummary) -> KeyFigure:
     spread, spread_constant, _ = differences(summary)
     beside = f"{spread} points, constant {spread_constant}"
     worse = ", ".join(f"{one.measure} {-100 * (one.gain or 0):.0f} %" for one in less_even(summary))
-    value = "none" if not constant > 0 else compared(ours, constant)
-    if constant > 0 and max(ours, constant) < LITTLE_SPREAD:
+    value = "none" if not constant > ROUNDING else compared(ours, constant)
+    if constant > ROUNDING and max(ours, constant) < LITTLE_SPREAD:
         value = f"{spread} points"
         beside = f"constant {spread_constant}"
     others = f"; {worse} more" if worse else ""

@@ -10,7 +10,7 @@ import math
 
 from evenlight.analysis.wording import percent, sentence
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.data_schema.tracks.optimization_summary import ROUNDING, OptimizationSummary
 from evenlight.method.online.gain import NO_GAIN
 from evenlight.method.preset_files import no_power_model
 
@@ -43,7 +43,7 @@ def alike(*shares: float) -> tuple[str, ...]:
     >>> alike(0.03, 0.04), alike(0.0068, 0.0138), alike(0.00055, 0.00066), alike(0.0, 0.04)
     (('3.0', '4.0'), ('0.68', '1.38'), ('0.055', '0.066'), ('0.0', '4.0'))
     """
-    known = [100 * share for share in shares if share > 0] or [1.0]
+    known = [100 * share for share in shares if share > ROUNDING] or [1.0]
     decimals = max(_decimals(max(known)), min(_decimals(min(known)), 2))
     return tuple(f"{100 * share:.{decimals}f}" for share in shares)
 
@@ -122,7 +122,7 @@ def _power(summary: OptimizationSummary) -> str:
     lines = []
     if panel == PUBLISHED != summary.display:
         own = f"give {summary.display}'s own as --power-model"
-        lines.append(f"power is that of the published panel ({panel}; {own})")
+        lines.append(f"power is that of the published panel, an LCD ({panel}; {own})")
     elif panel != summary.display:
         lines.append(f"power is that of the display of the power model {panel}")
     if life is not None and life_full is not None:
@@ -133,7 +133,7 @@ def _power(summary: OptimizationSummary) -> str:
 
 def nothing_lost(summary: OptimizationSummary) -> str:
     """Return that no frame loses anything, and why; empty if one does."""
-    if summary.mean_contrast_loss > 0 or summary.mean_contrast_loss_baseline > 0:
+    if max(summary.mean_contrast_loss, summary.mean_contrast_loss_baseline) > ROUNDING:
         return ""
     if summary.frames_without_contrast == summary.frames:
         return "nothing is visible in any frame, so there is no contrast to lose"
@@ -164,14 +164,16 @@ def evenness(summary: OptimizationSummary) -> str:
 
 
 def _best_possible(summary: OptimizationSummary) -> str:
-    """Return how little frames can differ at least, where that is known and of use."""
+    """Return what unevenness is, and how little frames can differ at least, where that is of use."""
     constant, least = summary.objective_baseline, differences(summary)[2]
-    if not least or summary.minimized is not None or little_to_gain(summary):
+    what = f"unevenness: mean difference in loss between two frames{', by their weights' * summary.weighted}"
+    if nothing_lost(summary):
         return ""
+    if not least or summary.minimized is not None or little_to_gain(summary):
+        return what
     certain = summary.objective > NO_GAIN * constant and summary.lower_bound > 0.9 * constant
     why = ": budget, rate limit and lowest factor leave no room" * certain
-    what = f"mean difference in loss between two frames{', by their weights' * summary.weighted}"
-    return f"unevenness: {what}; within the limits {least} points at least{why}"
+    return f"{what}; within the limits {least} points at least{why}"
 
 
 def _other_measures(summary: OptimizationSummary) -> str:
@@ -179,7 +181,7 @@ def _other_measures(summary: OptimizationSummary) -> str:
     known = [f"{less_or_more(one.gain)} by {one.measure}" for one in summary.measured if one.gain is not None]
     if not known:
         return ""
-    frames = f"in {summary.frames_measured} sampled frames, it is {' and '.join(known)}"
+    frames = f"in {summary.frames_measured} sampled frames, unevenness is {' and '.join(known)}"
     return f"{frames} (evenlight judge looks at all)"
 
 
@@ -242,11 +244,12 @@ def budget_in_words(summary: OptimizationSummary) -> str:
 
 
 def little_to_gain(summary: OptimizationSummary) -> str:
-    """Return that there was little to gain in a video, if so; nothing where losses were minimized."""
-    ours, constant = summary.objective, summary.objective_baseline
+    """Return that there was little to gain in a video, by any measure that counts; nothing of mean losses."""
+    spreads = [summary.objective, summary.objective_baseline]
+    spreads += [spread for one in summary.by_measure for spread in (one.value, one.baseline)]
     worst, mean = summary.worst_contrast_loss_baseline or 0.0, summary.mean_contrast_loss_baseline
     spared = worst - (summary.worst_contrast_loss or 0.0)
-    if summary.minimized is not None or max(ours, constant) >= LITTLE_SPREAD or spared >= LITTLE_WORST:
+    if summary.level_weight is not None or max(spreads) >= LITTLE_SPREAD or spared >= LITTLE_WORST:
         return ""
     if worst > UNEVEN * mean:
         return f"little to gain here: constant dimming already loses little (worst frame {percent(worst)})"
@@ -277,9 +280,8 @@ def _watched(summary: OptimizationSummary) -> str:
     if (seen := summary.watched) is None:
         return ""
     assumed = f"; assumed: {seen.assumed}" if seen.assumed else ""
-    return (
-        f"noticed: by the median watcher of a plain screen; 5 % of people are as sensitive as said{assumed}"
-    )
+    who = "the median person who watches a plain screen for changes; one person in 20 is sensitive"
+    return f"noticed: by {who}{assumed}"
 
 
 def moved_in_words(summary: OptimizationSummary) -> str:

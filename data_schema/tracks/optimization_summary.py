@@ -16,6 +16,8 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.film_reading import FilmReading
 
+ROUNDING = 1e-9  # losses, and differences of them, up to here are none
+
 
 @record
 class MinimizedOutcome:
@@ -55,7 +57,7 @@ class MeasuredTrack:
     @property
     def gain(self) -> float | None:
         """Share of the spread that the track saves, below 0 where it is less even; None where none is."""
-        return 1 - self.spread / self.spread_constant if self.spread_constant > 0 else None
+        return 1 - self.spread / self.spread_constant if self.spread_constant > ROUNDING else None
 
 
 @record

@@ -26,7 +26,7 @@ def test_the_first_lines_say_what_is_gained_and_for_how_long(command, tmp_path, 
     assert begun[:2] == ["  power saved: % ", "  % of visible contrast lost "]
     assert begun[3] == "  % of s periods noticed "
     assert (
-        "power is that of the published panel (surace2025; give varjo-xr3's own as --power-model); "
+        "power is that of the published panel, an LCD (surace2025; give varjo-xr3's own as --power-model); "
         f"10 Wh last that panel alone {hours:.3g} h instead of 5.92 h"
     ) in lines
     assert summary["battery_capacity_wh"] == 10
