@@ -98,7 +98,7 @@ class Result(ABC):
         return "\n".join([lead, *(f"  {own.in_words}" for own in key_figures)])
 
     def plot(self, name: str | None = None) -> Figure | dict[str, Figure]:
-        """Return all figures by name, or the one that is named.
+        """Return the figure that is named, else the only one there is, or all of them by name.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Result(ABC):
         """
         figures = dict(self.figures)
         if name is None:
-            return figures
+            return figures if len(figures) != 1 else next(iter(figures.values()))
         if not isinstance(name, str) or name not in figures:
             raise must_be_one_of("name", name, figures)
         return figures[name]

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import enum
 import math
-from os import PathLike
-from typing import Any
 
 from evenlight.data_schema.notebook import display_html
 from evenlight.data_schema.power_model import PanelKind
 from evenlight.data_schema.provenance import Provenance, sha256_of_bytes
 from evenlight.data_schema.quantities import MOMENT, described, quantity, record
+from evenlight.data_schema.storage.text_files import save_record
 
 # Beyond these a number is a typing error or in another unit, and the model would overflow or see nothing.
 HIGHEST_LUMINANCE = 1e6  # [cd/m^2] far above any panel, far below the sun's disc
@@ -123,33 +122,7 @@ class Display:
         """Return what a notebook shows: what is known of the device, and its light."""
         return display_html(self)
 
-    def save(self: Any, file: str | PathLike[str], *, force: bool = False) -> None:
-        """Write it to a file, which `load` and the options of commands read.
-
-        Parameters
-        ----------
-        file : str or path
-            Ending in .toml; that of a rate limit in .json.
-        force : bool, optional
-            Whether to replace the file if it exists.
-
-        Raises
-        ------
-        InputError
-            If the file exists or cannot be written, or its name ends otherwise.
-        """
-        from evenlight.data_schema.arguments import path
-        from evenlight.data_schema.errors import ArgumentError
-        from evenlight.data_schema.storage.text_files import write_json_record, write_toml_record
-        from evenlight.data_schema.storage.whole_files import require_free
-
-        write, ending = (
-            (write_toml_record, ".toml") if isinstance(self, Display) else (write_json_record, ".json")
-        )
-        if path("file", file).suffix != ending:
-            raise ArgumentError("file", f"must end in {ending}, got {file}")
-        require_free(path("file", file), force=force)
-        write(path("file", file), self)
+    save = save_record
 
     @property
     def nyquist_frequency(self) -> float:

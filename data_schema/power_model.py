@@ -6,6 +6,7 @@ import enum
 
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.quantities import MOMENT, described, quantity, record
+from evenlight.data_schema.storage.text_files import save_record
 
 LARGEST = 1e6  # W, cd/m^2, W m^2/cd: beyond, a number is a typing error, and products of them overflow
 LEAST_LIGHT = (
@@ -92,6 +93,8 @@ class PowerModel:
             by = "power_per_luminance_w_m2_cd times peak_luminance_cd_m2"
             return self.power_per_luminance * self.peak_luminance, by
         return self.red_power + self.green_power + self.blue_power, "the sum of the channels"
+
+    save = save_record
 
     def __repr__(self) -> str:
         slope = f"{self.power_per_luminance:.4g} W m^2/cd up to {self.peak_luminance:g} cd/m^2"

@@ -6,7 +6,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from statistics import fmean
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 from evenlight.data_schema.arguments import numbers
 from evenlight.data_schema.display import Display
@@ -19,6 +19,7 @@ from evenlight.data_schema.rate_limit_kinds import RateLimitForm as RateLimitFor
 from evenlight.data_schema.rate_limit_kinds import RateLimitModel as RateLimitModel
 from evenlight.data_schema.rate_limit_kinds import Sigmoid as Sigmoid
 from evenlight.data_schema.recordings.ramp import Direction, Procedure
+from evenlight.data_schema.storage.text_files import save_record
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -57,7 +58,8 @@ class RateLimit:
     can be called: `limit(luminance)` is ΔL there.
     """
 
-    save = Display.save
+    SAVED_AS: ClassVar = ".json"
+    save = save_record
     name: str = described("name of the rate limit")
     display_name: str = described("display that it was fitted on; it holds for no other")
     display_fingerprint: str = described("identity of that display's photometry")

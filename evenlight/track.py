@@ -25,7 +25,7 @@ from evenlight.data_schema.arguments import choice, number, numbers, path
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import sha256_of_record
-from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.data_schema.storage.text_files import read_json_record, read_toml, write_json_record
 from evenlight.data_schema.storage.whole_files import require_free
 from evenlight.data_schema.tracks.brightness_track import (
     BrightnessTrack,
@@ -44,7 +44,12 @@ from evenlight.data_schema.tracks.loss_curves import (
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.keywords import takes_fields_of
 from evenlight.method.contrast.curve_lookup import loss_and_slope
-from evenlight.method.preset_files import load_contrast_model, load_display, load_rate_limit
+from evenlight.method.preset_files import (
+    load_contrast_model,
+    load_display,
+    load_power_model,
+    load_rate_limit,
+)
 from evenlight.progress import shown_progress
 from evenlight.stimuli.dimmed.apply_options import (
     AppliedVersion,
@@ -311,11 +316,16 @@ class Track(Result):
         return "optimize" if self.outcome.control is None else "control"
 
 
-OPENED = {".toml": load_display, ".json": load_rate_limit, ".npz": read_loss_curves}
+def _of_toml(file: Path) -> Any:
+    known = read_toml(file, "a display or a power model in TOML") if file.is_file() else ()
+    return load_power_model(file) if "base_power_w" in known else load_display(file)
+
+
+OPENED = {".toml": _of_toml, ".json": load_rate_limit, ".npz": read_loss_curves}
 
 
 def load(folder: Named) -> Any:
-    """Return what was saved: the track of a folder, the display (.toml), limit (.json) or curves of a file.
+    """Return what was saved: a folder's track; a file's display or power model (.toml), limit or curves.
 
     Raises
     ------

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from evenlight.stimuli.video.video_source import VideoSource, rate_from_number
+from evenlight.stimuli.video.video_source import FramesInALoop, VideoSource, rate_from_number
 
 ENCODING_GAMMA = 2.2
 # Pixel values lie on the 10-bit grid, so that a 10-bit file holds a sequence without loss.
@@ -71,7 +71,7 @@ class SequenceFormat:
 
 
 @dataclass(frozen=True, slots=True)
-class BuiltInSequence(VideoSource):
+class BuiltInSequence(FramesInALoop, VideoSource):
     """A video that is rendered in a format of choice.
 
     Attributes

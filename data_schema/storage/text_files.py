@@ -7,14 +7,16 @@ import json
 import re
 import tomllib
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import Any, TypeVar, cast
 
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.arguments import path as given_path
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.mapping import Place, mapping_from_record, record_from_mapping, words_of
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.input_sizes import MOST_BYTES
-from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.data_schema.storage.whole_files import require_free, write_whole
 
 Record = TypeVar("Record")
 DEEPEST = 50  # levels of lists and tables in each other; records have five
@@ -220,6 +222,28 @@ def write_toml_record(path: Path, record: Any, notes: Sequence[str] = ()) -> Non
 
     content = tomli_w.dumps(_without_none(mapping_from_record(record)))
     write_whole(path, content + "".join(f"# {note}\n" for note in notes))
+
+
+def save_record(self: Any, file: str | PathLike[str], *, force: bool = False) -> None:
+    """Write it to a file, which `load` and the options of commands read.
+
+    Parameters
+    ----------
+    file : str or path
+        Ending in .toml; that of a rate limit in .json.
+    force : bool, optional
+        Whether to replace the file if it exists.
+
+    Raises
+    ------
+    InputError
+        If the file exists or cannot be written, or its name ends otherwise.
+    """
+    to, ending = given_path("file", file), getattr(self, "SAVED_AS", ".toml")
+    if to.suffix != ending:
+        raise ArgumentError("file", f"must end in {ending}, got {file}")
+    require_free(to, force=force)
+    (write_json_record if ending == ".json" else write_toml_record)(to, self)
 
 
 def _without_none(value: Any) -> Any:

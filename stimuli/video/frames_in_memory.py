@@ -16,7 +16,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.film_reading import Damaged
 from evenlight.method.contrast.loss_curves import SMALLEST_SIDE
 from evenlight.stimuli.sequences import open_video
-from evenlight.stimuli.video.video_source import VideoSource
+from evenlight.stimuli.video.video_source import FramesInALoop, VideoSource
 
 Named = str | PathLike[str]
 Frames = Iterable[Frame] | Iterable[NDArray[Any]]
@@ -69,7 +69,7 @@ def video_of(
     return FramesInMemory(given, FRAMES_PER_SECOND if fps is None else fps)
 
 
-class FramesInMemory:
+class FramesInMemory(FramesInALoop):
     """A video of frames that a program hands over.
 
     Parameters

@@ -22,14 +22,14 @@ from evenlight.stimuli.video.film_reader import prepare
 from evenlight.stimuli.video.film_stream import open_alone
 from evenlight.stimuli.video.frame_conversion import ColourConverter, UnsupportedColourError
 from evenlight.stimuli.video.video_locations import natural_order
-from evenlight.stimuli.video.video_source import rate_from_number
+from evenlight.stimuli.video.video_source import FramesInALoop, rate_from_number
 
 IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".webp")
 ARRAYS = (".npy",)
 
 
 @dataclass(frozen=True, slots=True)
-class ImageFolder:
+class ImageFolder(FramesInALoop):
     """A folder of images, shown at a constant rate.
 
     Attributes

@@ -26,13 +26,13 @@ from evenlight.stimuli.video.film_stream import SUPPORTED, field_of_view_tag, op
 from evenlight.stimuli.video.frame_conversion import UnsupportedColourError
 from evenlight.stimuli.video.square_pixels import SQUARE, in_words, pixel_aspect_of
 from evenlight.stimuli.video.video_locations import VideoPath
-from evenlight.stimuli.video.video_source import FrameTimes
+from evenlight.stimuli.video.video_source import FramesInALoop, FrameTimes
 
 SEEK_BACK = (0.0, 10.0)  # [s] before a frame that is sought: from the key frame there it is decoded
 
 
 @dataclass(frozen=True, slots=True)
-class VideoFile:
+class VideoFile(FramesInALoop):
     """A video file that has been read once, for its packets and its SHA-256.
 
     Attributes
@@ -61,7 +61,7 @@ class VideoFile:
 
     path: VideoPath
     content: str
-    timeline: FrameTimes
+    timeline: FrameTimes = field(repr=False)
     reading: FilmReading
     stamps: NDArray[np.int64] | None = field(compare=False, repr=False)
     held: NDArray[np.bool_] | None = field(compare=False, repr=False)

@@ -51,6 +51,16 @@ class VideoSource(Protocol):
         """Return the SHA-256 of its content: of the file, of the folder, or of the sequence's definition."""
 
 
+class FramesInALoop:
+    """A video whose frames `for frame in video` yields."""
+
+    __slots__ = ()
+
+    def __iter__(self: VideoSource) -> Iterator[Frame]:
+        """Yield its frames in order, as `frames` does."""
+        return self.frames()
+
+
 def field_of_view_of(video: VideoSource) -> float | None:
     """Return the horizontal angle that a video was rendered for [deg], None if that is not known."""
     known: float | None = getattr(video, "field_of_view", None)

@@ -17,7 +17,7 @@ page = track._repr_html_()  -> (
     page.count("clip&#x27;: 75 frames, 3 s"), page.count("<img"), page.count("<li>")
 ) == (1, 1, len(track.first_lines[1]))
 
-figure = track.plot("track")
+figure = track.plot()
 figure.axes[0].set_title("Mine")
 figure.savefig("mine.pdf")  -> figure._repr_png_() != track.plot("track")._repr_png_()
 
@@ -25,7 +25,7 @@ factors = track.factor_at([0.0, 1.5, 9.0])  -> factors.tolist() == track.factors
 
 factor, time = max((factor, time) for time, factor in track)  -> factor == track.factors.max()
 
-frame = next(evenlight.open_video(clip).frames())
+frame = next(frame for frame in evenlight.open_video(clip) if frame.time == 0)
 dimmed = track.dim(frame, frame.time)  -> (0.9 * frame.pixel_values.mean() > dimmed.mean() > 0).all()
 
 track.apply(clip, "dimmed.mkv")  -> evenlight.open_video("dimmed.mkv").n_frames == len(track)
@@ -50,6 +50,10 @@ means = table.groupby(["sequence", "version"]).rating.mean()  -> set(means) <= s
 
 mine = replace(evenlight.load_display("laptop-lcd"), name="mine")
 mine.save("mine.toml")  -> evenlight.load("mine.toml") == mine
+
+mine = replace(evenlight.load_power_model("surace2025"), name="mine", base_power=0.2)
+mine.save("panel.toml")
+brighter = evenlight.optimize(clip, 0.5, power_model="panel.toml")  -> evenlight.load("panel.toml") == mine
 
 frames = [xarray.DataArray(frame) for frame in noise]
 short = evenlight.optimize(frames, 0.5, fps=25)  -> len(short) == len(noise)
