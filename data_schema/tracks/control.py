@@ -122,3 +122,8 @@ class LiveControl:
     )
     wide_band_accepted: bool = as_in(OptimizationSummary, "wide_band_accepted")
     noticed: float | None = as_in(OptimizationSummary, "noticed")
+    hidden_share: float | None = share(
+        "share of the eye's picture that a headset's lens never shows, and that does not count in the mean "
+        "luminance; null where its runtime does not say, and on a screen: every pixel counts",
+        default=None,
+    )

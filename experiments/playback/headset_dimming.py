@@ -95,7 +95,9 @@ class HeadsetDimmer(LiveDimmer):
     def _bounds(self, view: EyeView) -> tuple[float, float]:
         """Return between what Ī at factor 1 of a picture must lie [cd/m^2]."""
         known, peak = self._light.luminance_of(self._light.known[-1]), self._display.peak_luminance
-        change = largest_change(self._views[0], view) * peak
+        # Where what is seen is in one piece along each row and column, no more passes its edges, or is
+        # stretched in it, than in the whole picture; but the mean is over fewer pixels.
+        change = largest_change(self._views[0], view) * peak / self._light.seen_share
         return max(known - change, self._display.black_level), min(known + change, peak)
 
     def _complete(self) -> None:

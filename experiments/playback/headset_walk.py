@@ -48,7 +48,9 @@ class HeadsetWalk(Walk):
         self._eye = int(self._devices.rig.eye is Eye.RIGHT)
         self._stereo = StereoRenderer(window.context(), self._scene, window.eye_size())
         left, right = (Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes)
-        return self._stereo.eyes[self._eye], EyeImages(left, right)
+        counts = self._stereo.eyes[self._eye]
+        counts.seen = window.seen_pixels()
+        return counts, EyeImages(left, right)
 
     @property
     def _window(self) -> HeadsetWindow:

@@ -26,6 +26,7 @@ BUFFERS = 8  # of sums under way; the oldest of so many is waited for
 SUM_FRAGMENT = f"""
 #version 330
 uniform usampler2D codes;
+uniform sampler2D seen;
 uniform float gamma;
 out vec4 total;
 void main() {{
@@ -35,7 +36,7 @@ void main() {{
     for (int y = first.y; y < end.y; y++)
         for (int x = first.x; x < end.x; x++) {{
             vec3 encoded = vec3(texelFetch(codes, ivec2(x, y), 0).rgb) / {GRID_LEVELS - 1}.0;
-            total.rgb += pow(encoded, vec3(gamma));
+            total += texelFetch(seen, ivec2(x, y), 0).r * vec4(pow(encoded, vec3(gamma)), 1.0);
         }}
 }}
 """
@@ -50,6 +51,11 @@ class PictureLuminance:
     ----------
     context, pictures, display
         As of `open_meter`.
+
+    Attributes
+    ----------
+    seen_share : float
+        The share of the pixels that count, `seen` of the renderer, in (0, 1].
     """
 
     def __init__(self, context: moderngl.Context, pictures: SceneRenderer, display: Display) -> None:
@@ -59,7 +65,11 @@ class PictureLuminance:
         with graphics.own(context):
             self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
             self._adder = over_all(context, SUM_FRAGMENT)
-            set_uniforms(self._adder, codes=0, gamma=display.gamma)
+            seen = np.ones((height, width), dtype=bool) if pictures.seen is None else pictures.seen
+            weights = (255 * seen[::-1].astype(np.uint8)).tobytes()
+            self._seen = context.texture(pictures.size, 1, weights, alignment=1)
+            set_uniforms(self._adder, codes=0, seen=1, gamma=display.gamma)
+        self.seen_share = float(seen.mean())
         self._means: Array = np.zeros(3)
 
     def mean(self) -> float:
@@ -81,13 +91,13 @@ class PictureLuminance:
         with graphics.own(self._context):
             self._sums.use()
             self._pictures.codes.use(0)
+            self._seen.use(1)
             self._adder.render(vertices=3)
 
     def _taken(self, data: bytes) -> float:
         """Take the means from some sums, and return Ī of them [cd/m^2]."""
-        width, height = self._pictures.size
-        sums = np.frombuffer(data, np.float32).reshape(-1, 4)
-        self._means = sums[:, :3].sum(axis=0, dtype=np.float64) / (width * height)
+        sums = np.frombuffer(data, np.float32).reshape(-1, 4).sum(axis=0, dtype=np.float64)
+        self._means = sums[:3] / sums[3]
         return self.luminance_of(self._means)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -207,7 +207,9 @@ def _walked(
     if dimming is not None and shown.dimmer is not None:
         rows = shown.dimmer.rows
         seen = walk.scene, shown.display, measured_by
-        record = live_control(dimming, seen, rows, simulated=walk.simulate)
+        counted = shown.pictures.seen
+        hidden = None if counted is None else float(1 - counted.mean())
+        record = replace(live_control(dimming, seen, rows, simulated=walk.simulate), hidden_share=hidden)
         words += filter(None, [dimming_in_words(record, dimming.budget, rows)])
     if rig.in_headset:
         words.append("drawn for both eyes, as wide as the headset sees")

@@ -8,12 +8,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # rig.py imports this, and shows its help without numpy
+    from collections.abc import Sequence
+
     import numpy as np
     from numpy.typing import NDArray
 
+Triangle = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 # Of OpenGL: pictures keep the codes that are written to them while the conversion is off.
 SRGB8_ALPHA8, FRAMEBUFFER_SRGB = 0x8C43, 0x8DB9
 
@@ -78,6 +82,9 @@ class HeadsetFacts:
     refresh_rates: tuple[float, ...]  # that can be chosen; empty where the runtime does not say [Hz]
     tracks_position: bool  # besides the orientation
     eye_distance: float  # between the eyes' positions [m]
+    # What the lenses never show of each eye's picture, left and right, as tangents from straight ahead to the
+    # right and up; empty where the runtime does not say.
+    hidden: tuple[tuple[Triangle, ...], tuple[Triangle, ...]] = ((), ())
 
 
 def centre_pixels_per_degree(fov: EyeFov, width: int) -> float:
@@ -99,6 +106,41 @@ def centre_pixels_per_degree(fov: EyeFov, width: int) -> float:
     """
     left, right, _, _ = fov.tangents()
     return width / (right - left) * math.pi / 180
+
+
+def seen_pixels(fov: EyeFov, hidden: Sequence[Triangle], size: tuple[int, int]) -> NDArray[np.bool_]:
+    """Return which pixels of an eye's picture a lens shows, by their middles: (height, width), row 0 on top.
+
+    Parameters
+    ----------
+    fov : EyeFov
+        The edges of the picture.
+    hidden : sequence of Triangle
+        What the lens never shows.
+    size : (int, int)
+        Width and height [pixels].
+
+    >>> quarter = math.pi / 4
+    >>> corner = ((-1.0, 1.0), (0.5, 1.0), (-1.0, -0.5))
+    >>> seen_pixels(EyeFov(-quarter, quarter, quarter, -quarter), [corner], (3, 3)).astype(int).tolist()
+    [[0, 0, 1], [0, 1, 1], [1, 1, 1]]
+    """
+    import numpy as np
+
+    (width, height), (left, right, down, up) = size, fov.tangents()
+    x = np.linspace(left, right, 2 * width + 1)[1::2]
+    y = np.linspace(up, down, 2 * height + 1)[1::2]
+    seen = np.ones((height, width), dtype=bool)
+    for corners in hidden:
+        across, above = zip(*corners, strict=True)
+        columns = slice(*np.searchsorted(x, (min(across), max(across))))
+        rows = slice(*np.searchsorted(-y, (-max(above), -min(above))))
+        sides = [
+            (x[columns] - x1) * (y2 - y1) - (y[rows, None] - y1) * (x2 - x1)
+            for (x1, y1), (x2, y2) in pairwise((*corners, corners[0]))
+        ]
+        seen[rows, columns] &= np.min(sides, axis=0) * np.max(sides, axis=0) < 0
+    return seen
 
 
 def rotation(pose: Pose) -> NDArray[np.float64]:

@@ -19,6 +19,7 @@ from evenlight.hardware.presentation.headset_views import (
     Pose,
     centre_pixels_per_degree,
     level,
+    seen_pixels,
 )
 from evenlight.hardware.protocols import ContextDevice, KeyPress
 from evenlight.hardware.simulated.clocks import RefreshClock
@@ -169,6 +170,15 @@ class HeadsetWindow(ContextDevice, ABC):
         top = (height - down) // 2
         return both[top : top + down, left : left + across]
 
+    def seen_pixels(self, eye: Eye | None = None) -> NDArray[np.bool_] | None:
+        """Return which pixels of an eye's picture its lens shows, of the one that counts if none is named.
+
+        Row 0 is on top, (height, width). None where the runtime does not say, or hides all of it.
+        """
+        at, facts = (eye or self._eye) is Eye.RIGHT, self.facts()
+        seen = seen_pixels(facts.fovs[at], facts.hidden[at], self.eye_size())
+        return seen if facts.hidden[at] and seen.any() else None
+
     def presses(self) -> list[KeyPress]:
         """Return what was pressed on controllers since the last call, on the window's clock, in order.
 
@@ -200,6 +210,10 @@ class HeadsetWindow(ContextDevice, ABC):
             )
             said[f"pixels_per_degree_{eye.value}"] = (
                 f"{centre_pixels_per_degree(fov, width):.3f} at the centre"
+            )
+            seen = self.seen_pixels(eye)
+            said[f"hidden_area_{eye.value}"] = (
+                "not known: every pixel counts" if seen is None else f"{1 - seen.mean():.4f} of the picture"
             )
         return {**said, **self.versions()}
 

@@ -10,7 +10,8 @@ import ctypes
 import sys
 from typing import TYPE_CHECKING, Any
 
-from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB, SRGB8_ALPHA8
+from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB, SRGB8_ALPHA8, Triangle
+from evenlight.hardware.presentation.openxr_runtime import HIDDEN_AREA
 from evenlight.hardware.protocols import Fault, InstrumentError
 
 if TYPE_CHECKING:
@@ -88,6 +89,30 @@ def _egl_binding(egl: Any) -> EglBinding:
     egl.eglChooseConfig(ctypes.c_void_p(display), wanted, configs, 1, ctypes.byref(count))
     address = ctypes.cast(egl.eglGetProcAddress, ctypes.c_void_p).value
     return EglBinding(EGL_TYPE, None, address, display, configs[0], context)
+
+
+def hidden_area(runtime: OpenXRRuntime, session: Any, eye: int) -> tuple[Triangle, ...]:
+    """Return what an eye's lens never shows, the left one being number 0; nothing if it is not said.
+
+    The runtime is asked directly: pyopenxr's own function leaves no room for what it says.
+    """
+    xr, kinds = runtime.xr, runtime.xr.VisibilityMaskTypeKHR
+    if not runtime.offers(HIDDEN_AREA):
+        return ()
+    function = xr.get_instance_proc_addr(runtime.instance, "xrGetVisibilityMaskKHR")
+    ask, mask = ctypes.cast(function, xr.PFN_xrGetVisibilityMaskKHR), xr.VisibilityMaskKHR()
+    views, hidden = xr.ViewConfigurationType.PRIMARY_STEREO.value, kinds.HIDDEN_TRIANGLE_MESH.value
+    failed = ask(session, views, eye, hidden, ctypes.byref(mask))  # how much there is
+    points, places = mask.vertex_count_output, mask.index_count_output
+    vertices, indices = (xr.Vector2f * points)(), (ctypes.c_uint32 * places)()
+    mask.vertex_capacity_input, mask.vertices = points, vertices
+    mask.index_capacity_input, mask.indices = places, indices
+    failed = failed or ask(session, views, eye, hidden, ctypes.byref(mask))
+    xr.afterwards()
+    if failed or any(place >= points for place in indices):
+        return ()
+    corners = [(vertices[place].x, vertices[place].y) for place in indices]
+    return tuple(zip(corners[::3], corners[1::3], corners[2::3], strict=False))
 
 
 class Swapchain:

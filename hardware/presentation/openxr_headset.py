@@ -14,7 +14,7 @@ from evenlight.hardware.presentation.headset_views import EyeFov, EyePose, Heads
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.presentation.mirror_window import MirrorWindow
 from evenlight.hardware.presentation.openxr_actions import HANDS, Controllers
-from evenlight.hardware.presentation.openxr_graphics import Swapchain, graphics_binding
+from evenlight.hardware.presentation.openxr_graphics import Swapchain, graphics_binding, hidden_area
 from evenlight.hardware.presentation.openxr_runtime import (
     EGL,
     NANOSECOND,
@@ -258,8 +258,12 @@ class OpenXRHeadset(HeadsetWindow):
             wide, high = math.degrees(fov.right - fov.left), math.degrees(fov.up - fov.down)
             if not (0 < wide < 180 and 0 < high < 180):
                 raise self._implausible(f"says that an eye sees {wide:.4g} by {high:.4g} degrees")
-        if self._runtime.offers(REFRESH_RATES):
-            with self._runtime.talking():
+        with self._runtime.talking():
+            hidden = (
+                hidden_area(self._runtime, self._session, 0),
+                hidden_area(self._runtime, self._session, 1),
+            )
+            if self._runtime.offers(REFRESH_RATES):
                 rate = getattr(xr.get_display_refresh_rate_fb(self._session), "value", 0.0)
                 rates = tuple(float(one) for one in xr.enumerate_display_refresh_rates_fb(self._session))
         return HeadsetFacts(
@@ -271,6 +275,7 @@ class OpenXRHeadset(HeadsetWindow):
             refresh_rates=rates,
             tracks_position=bool(system.tracking_properties.position_tracking),
             eye_distance=math.dist(left.pose.position, right.pose.position),
+            hidden=hidden,
         )
 
     def _idle_frame(self) -> HeadsetFrame:

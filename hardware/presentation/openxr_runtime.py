@@ -24,8 +24,9 @@ TIMESPEC = "XR_KHR_convert_timespec_time"  # the clock of other systems
 REFRESH_RATES = "XR_FB_display_refresh_rate"
 PRESENCE = "XR_EXT_user_presence"
 OPENGL, EGL = "XR_KHR_opengl_enable", "XR_MNDX_egl_enable"
+HIDDEN_AREA = "XR_KHR_visibility_mask"
 VARJO_CONTROLLER = "XR_VARJO_xr4_controller_interaction"
-OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER)
+OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER, HIDDEN_AREA)
 
 
 def openxr_library() -> Any:

@@ -17,6 +17,7 @@ from evenlight.hardware.presentation.headset_views import (
     HeadsetFacts,
     HeadsetFrame,
     Pose,
+    Triangle,
     rotation,
 )
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
@@ -62,6 +63,10 @@ class HeadsetScript:
     untracked: Sequence[Span] = ()
     recentred: Sequence[float] = ()  # when the runtime says that its origin is another, as `head` has it then
     dropped: Mapping[int, int] = field(default_factory=dict)  # refreshes that pass before a frame, from 0
+    hidden: tuple[tuple[Triangle, ...], tuple[Triangle, ...]] = (
+        (),
+        (),
+    )  # by the lenses, as `HeadsetFacts` has
     lost_at: int | None = None  # the frame at which the runtime goes away
 
 
@@ -122,6 +127,7 @@ class SimulatedHeadset(HeadsetWindow):
             refresh_rates=(self._rate,),
             tracks_position=True,
             eye_distance=EYE_DISTANCE,
+            hidden=self.script.hidden,
         )
 
     def eye_size(self) -> tuple[int, int]:

@@ -1,6 +1,7 @@
 """A walk in a headset: where stick and head lead, and that dimming keeps to the rate limit in real time."""
 
 import csv
+import json
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import pairwise
@@ -126,9 +127,13 @@ RESTLESS = HeadsetScript(
 )
 
 
-@pytest.mark.parametrize("simulate", [True, False])
+# What is more than 0.7 to the right: a sixth of the right eye's picture.
+SIDE = (0.7, -50.0), (0.7, 50.0), (50.0, 0.0)
+
+
+@pytest.mark.parametrize(("simulate", "hidden"), [(True, ()), (False, ()), (True, (SIDE,))])
 def test_no_step_is_faster_than_the_rate_limit_though_luminance_is_known_late(
-    walk_in, simulate: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    walk_in, simulate: bool, hidden, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Between a white wall and a black one, with snap turns and dropped refreshes; from every picture.
 
@@ -136,15 +141,19 @@ def test_no_step_is_faster_than_the_rate_limit_though_luminance_is_known_late(
     """
     true: list[float] = []
     next_factor = LiveDimmer.next_factor
+    left, right = np.tan(np.radians([-43, 47]))  # of the right eye
+    columns = left + (np.arange(EYE_SIZE[0]) + 0.5) / EYE_SIZE[0] * (right - left)
+    seen_columns = (columns < 0.7) | (not hidden)
 
     def seen(dimmer: LiveDimmer, now: float) -> float:
         pictures: SceneRenderer = dimmer._light._pictures  # type: ignore[attr-defined] # of a headset
-        true.append(float(emitted_luminance(pictures.pixel_values(), DISPLAY).mean()))
+        pixels = pictures.pixel_values()[:, seen_columns]
+        true.append(float(emitted_luminance(pixels, DISPLAY).mean()))
         return next_factor(dimmer, now)
 
     monkeypatch.setattr(LiveDimmer, "next_factor", seen)
     asked = {"out": tmp_path / "live", "simulate": simulate, "factor": 0.8}
-    walk = walk_in(RESTLESS, 4.0, LiveOptions(0.02), **asked)
+    walk = walk_in(replace(RESTLESS, hidden=((), hidden)), 4.0, LiveOptions(0.02), **asked)
     rows = walk.dimmer.rows
     assert max(true) > 1.5 * min(true)
     np.testing.assert_allclose([row.mean_luminance for row in rows], true, rtol=1e-3)
@@ -154,6 +163,8 @@ def test_no_step_is_faster_than_the_rate_limit_though_luminance_is_known_late(
         limit = min(LIMIT(before.factor * light), LIMIT(now.factor * next_light))
         ratios.append(rate / limit / (now.flip_time - before.flip_time))
     assert max(ratios) <= 1 + 1e-6
+    share = pytest.approx(1 - seen_columns.mean()) if hidden else None
+    assert json.loads((tmp_path / "live" / "live_control.json").read_text()).get("hidden_share") == share
     assert max(ratios) > 0.8  # at rest the limit is used, and nearly so by one who walks straight on
     assert np.median(ratios) > 0.1
     print(f"largest rate ratio {max(ratios):.4f}, median {np.median(ratios):.3f}")

@@ -33,7 +33,8 @@ def drawn(context: Any, codes: np.ndarray) -> Any:
     height, width = codes.shape[:2]
     texels = np.concatenate([codes, np.full((height, width, 1), GRID_LEVELS - 1)], axis=2)[::-1]
     texture = context.texture((width, height), 4, texels.astype(np.uint16).tobytes(), dtype="u2")
-    return SimpleNamespace(size=(width, height), codes=texture, pixel_values=lambda: codes_on_grid(codes))
+    values = codes_on_grid(codes)
+    return SimpleNamespace(size=(width, height), codes=texture, seen=None, pixel_values=lambda: values)
 
 
 def some_codes(height: int, width: int) -> np.ndarray:
@@ -53,6 +54,23 @@ def test_the_luminance_of_a_picture_is_the_mean_of_all_its_pixels(size: tuple[in
         assert light.mean() == pytest.approx(expected, rel=1e-5)
         channels = ((codes / (GRID_LEVELS - 1)) ** HEADSET.gamma).mean(axis=(0, 1))
         assert light.channel_means() == pytest.approx(channels, rel=1e-5)
+
+    in_context(test)
+
+
+def test_pixels_that_a_lens_never_shows_do_not_count() -> None:
+    """A corner of the top and a row of the bottom; the width is no multiple of four."""
+
+    def test(context: Any) -> None:
+        codes = some_codes(37, 83)
+        seen = np.ones((37, 83), bool)
+        seen[:11, :29] = seen[36] = False
+        expected = emitted_luminance(codes / (GRID_LEVELS - 1), HEADSET)[seen].mean()
+        pictures = drawn(context, codes)
+        pictures.seen = seen
+        light = PictureLuminance(context, pictures, HEADSET)
+        assert light.mean() == pytest.approx(expected, rel=1e-5)
+        assert light.seen_share == pytest.approx(1 - (11 * 29 + 83) / (37 * 83))
 
     in_context(test)
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from evenlight.data_schema.errors import InputError
@@ -102,6 +103,7 @@ class FakeSession:
         self.slept: list[float] = []
         self.render, self.flags, self.waited = True, 15, 0
         self.turned, self.period, self.size = 1.0, runtime.pop("period", PERIOD), runtime.pop("size", 320)
+        hidden_area = runtime.pop("hidden_area", xr.PFN_xrGetVisibilityMaskKHR(lambda *_: -8))
         self.edges = runtime.pop("edges", (-0.8, 0.7, 0.75, -0.75))
         noted = {name: self._noting(name) for name in ("begin_session", "end_session", "begin_frame")}
         self.runtime = FakeRuntime(
@@ -114,6 +116,7 @@ class FakeSession:
             enumerate_display_refresh_rates_fb=lambda _: [50.0, 75.0],
             poll_event=self._poll,
             wait_frame=self._wait,
+            get_instance_proc_addr=lambda *_: hidden_area,
             end_frame=lambda _, info: self.layers.append(info.layer_count),
             locate_views=lambda *_: (
                 xr.ViewState(xr.ViewStateFlags(self.flags)),
@@ -225,6 +228,33 @@ def test_it_says_what_the_runtime_says(fake: FakeSession) -> None:
     assert (facts.runtime, facts.system, facts.eye_size) == ("fake", "a headset", (320, 240))
     assert (facts.refresh_rate, facts.refresh_rates, facts.tracks_position) == (50.0, (50.0, 75.0), True)
     assert facts.eye_distance == pytest.approx(0.06)
+
+
+CORNER = ((-0.8, 0.7), (-0.2, 0.7), (-0.8, 0.1)), ((-0.2, 0.7), (-0.2, 0.1), (-0.8, 0.1))
+
+
+@pytest.mark.parametrize(("indices", "hidden"), [
+    ([0, 1, 2, 1, 3, 2], (CORNER, CORNER)), ([], ((), ())), ([0, 1, 4], ((), ())),
+])  # fmt: skip
+def test_what_lenses_hide_is_as_the_runtime_says_or_not_known(
+    monkeypatch: pytest.MonkeyPatch, indices: list[int], hidden: tuple[Any, ...]
+) -> None:
+    """Asked for how much there is, then for what; an index beyond the points is no triangle."""
+    points = [(-0.8, 0.7), (-0.2, 0.7), (-0.8, 0.1), (-0.2, 0.1)]
+
+    def told(_: Any, __: Any, eye: int, kind: int, mask: Any) -> int:
+        assert (eye in (0, 1), kind) == (True, 1)  # XR_VISIBILITY_MASK_TYPE_HIDDEN_TRIANGLE_MESH_KHR
+        mask = mask.contents
+        mask.vertex_count_output, mask.index_count_output = len(points), len(indices)
+        for k, point in enumerate(points[: mask.vertex_capacity_input]):
+            mask.vertices[k].x, mask.vertices[k].y = point
+        for k, index in enumerate(indices[: mask.index_capacity_input]):
+            mask.indices[k] = index
+        return 0
+
+    offered = xr.PFN_xrGetVisibilityMaskKHR(told)
+    facts = FakeSession(monkeypatch, hidden_area=offered).headset.facts()
+    assert np.array(facts.hidden) == pytest.approx(np.array(hidden))
 
 
 @pytest.mark.parametrize("period", [11_111_110, 11_111_112])  # [ns]

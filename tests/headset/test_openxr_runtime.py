@@ -100,6 +100,11 @@ def test_it_says_what_the_runtime_says(link: OpenXRHeadset) -> None:
     for fov in facts.fovs:
         edges = [math.degrees(edge) for edge in (fov.left, fov.right, fov.down, fov.up)]
         assert edges == pytest.approx([-42.5, 42.5, -44.6, 44.6], abs=0.1)
+    for eye in Eye:  # Monado hides four corners, an eighth of the width and an eighth of the height
+        seen = link.seen_pixels(eye)
+        assert not seen[[0, 0, -1, -1], [0, -1, 0, -1]].any()
+        assert seen[HEIGHT // 2].all()
+        assert 1 - seen.mean() == pytest.approx(4 / 2 / 8**2, abs=1e-3)
     said = link.apparatus()
     assert "none" in said["controller_left"]
     assert all(said[package][0].isdigit() for package in ("pyopenxr", "glfw", "moderngl"))
