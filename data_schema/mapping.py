@@ -18,6 +18,7 @@ from evenlight.data_schema.provenance import SCHEMA_VERSION, sha256_of_bytes
 from evenlight.data_schema.quantities import check_limits, file_key, limit_expected, typed
 
 Record = TypeVar("Record")
+MOST_LISTED = 60  # keys, in a message about an unknown one
 Place = tuple[str | int, ...]  # keys and list indices, from the outermost in
 
 
@@ -153,7 +154,8 @@ def unknown_key(key: object, known: Iterable[str]) -> str:
     """
     known = list(known)
     hint = difflib.get_close_matches(str(key), known, n=1, cutoff=0.7)
-    guess = f"did you mean {hint[0]!r}?" if hint else f"known are {', '.join(known)}"
+    listed = f"known are {', '.join(known)}" if len(known) <= MOST_LISTED else "nor is any like it known"
+    guess = f"did you mean {hint[0]!r}?" if hint else listed
     return f"unknown key {shown(key)}; {guess}"
 
 

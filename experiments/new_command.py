@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import QuietOption, expert
+from evenlight.option_panels import QuietOption
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
@@ -45,7 +45,7 @@ def rig(
     ] = None,
     pixels: Annotated[
         str | None,
-        expert(metavar="WIDTHxHEIGHT", help="Your display's pixels, if they are not the preset's."),
+        typer.Option(metavar="WIDTHxHEIGHT", help="Your display's pixels, if they are not the preset's."),
     ] = None,
     force: Annotated[
         bool, typer.Option("--force", help="Replace files that exist; never a measured display.")

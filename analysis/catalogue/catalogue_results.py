@@ -24,7 +24,7 @@ from evenlight.analysis.figure_style import ASKED, FiguresAsked, figures_like
 from evenlight.analysis.tracks.optimization_job import AnalysedVideo
 from evenlight.analysis.tracks.track_request import TrackRequest
 from evenlight.analysis.tracks.track_results import run_optimization
-from evenlight.analysis.tracks.track_words import less_or_more
+from evenlight.analysis.tracks.track_words import alike, less_or_more
 from evenlight.cluster import AHEAD, SchedulerLostError, Workers, result_of, software
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -78,7 +78,7 @@ def run_catalogue(
                 number = under_way.pop(future)
                 rows[number], anew = _outcome(future, videos[number])
                 if anew:
-                    progress.note(_in_words(rows[number]))
+                    progress.note(in_words(rows[number]))
             progress.at(len(rows), len(videos))
     finally:
         workers.client.cancel(list(under_way))
@@ -101,12 +101,14 @@ def _outcome(future: Future, video: CatalogueVideo) -> tuple[CatalogueRow, bool]
     return CatalogueRow(video.name, video.shown, error=in_one_line(message) or "unknown"), True
 
 
-def _in_words(row: CatalogueRow) -> str:
+def in_words(row: CatalogueRow) -> str:
+    """Return what came of a video."""
     name = in_one_line(row.name)
     if row.error:
         return f"{name}: failed: {row.error}"
-    less = None if row.gain is None else less_or_more(row.gain)
-    gain = "nothing to gain" if less is None else f"loss differs {less} than with constant dimming"
+    ours, constant = alike(row.objective or 0.0, row.objective_baseline or 0.0)
+    beside = f"than with constant dimming ({ours} points, constant {constant})"
+    gain = "nothing to gain" if row.gain is None else f"loss differs {less_or_more(row.gain)} {beside}"
     return f"{name}: {row.frames} frames, {gain}"
 
 

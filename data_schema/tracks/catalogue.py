@@ -6,7 +6,7 @@ from dataclasses import field
 
 from evenlight.data_schema.quantities import count, described, quantity, record, share
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.data_schema.tracks.optimization_summary import ROUNDING, OptimizationSummary
 
 
 @record
@@ -54,8 +54,8 @@ class CatalogueRow:
     @property
     def gain(self) -> float | None:
         """By which share less the loss differs than with constant dimming; None where that is even."""
-        ours, constant = self.objective, self.objective_baseline
-        return 1 - ours / constant if ours is not None and constant else None
+        ours, constant = self.objective, self.objective_baseline or 0.0
+        return 1 - ours / constant if ours is not None and constant > ROUNDING else None
 
 
 def row_of(name: str, video: str, summary: OptimizationSummary, seconds: float) -> CatalogueRow:

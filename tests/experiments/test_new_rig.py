@@ -65,6 +65,7 @@ def test_size_and_distance_of_ones_own_make_the_pixels_per_degree(
     shown = load_display(display)
     assert (rig.viewing_distance, shown.resolution, shown.size) == (0.7, (3840, 2160), (600.0, 337.5))
     assert shown.pixels_per_degree == pytest.approx(78.19, abs=0.005)
+    assert re.search(r"--pixels WIDTHxHEIGHT +Your display's pixels", command("new", "rig", "--help").out)
     for preset, says in (("quest-3", "no flat picture"), (display, "has its own size")):
         refused = command("new", "rig", tmp_path / "b.rig.toml", "--display", preset, "--width-mm", "600")
         assert (refused.code, refused.err.count("\n")) == (2, 1)

@@ -108,6 +108,11 @@ def test_another_format_or_a_wrong_setting_is_refused(tmp_path: Path) -> None:
     for kinds, sheet, told in (
         (("eps",), "", "figures must be one of svg, pdf, got 'eps'"),
         ((), "font.sise: 9", "unknown key 'font.sise'; did you mean 'font.size'"),
+        (
+            (),
+            "ink.of.us: 9",
+            "own.mplstyle: unknown key 'ink.of.us'; nor is any like it known",
+        ),  # of hundreds
         ((), "font.size: wide", "Could not convert 'wide' to float"),
     ):
         (tmp_path / "own.mplstyle").write_text(sheet)
