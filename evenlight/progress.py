@@ -156,6 +156,14 @@ def aside(words: str, total: int) -> Iterator[Callable[[int], None]]:
         yield stack.enter_context(progress.aside(words, total))
 
 
+def note(words: str) -> None:
+    """Say something from deep within a command, in a line that stays; nothing in a program."""
+    if _shown:
+        _shown[-1].note(words)
+    elif told_by_default:
+        _to_standard_error(f"evenlight: {words}")
+
+
 def counted(progress: Progress, items: Iterable[Item], words: str, total: int | None) -> Iterator[Item]:
     """Yield the items of a step, and tell how many were taken."""
     progress.step(words, total)

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from evenlight.data_schema.errors import InputError
-from evenlight.option_panels import QuietOption, asked, output, viewing
+from evenlight.option_panels import QuietOption, asked, expert, output, viewing
 from evenlight.progress import counted, shown_progress
 
 if TYPE_CHECKING:
@@ -42,6 +43,9 @@ def render(
     display: Annotated[
         str | None, viewing(help="Display that it fills, or pixel for pixel if its size is not known.")
     ] = None,
+    strict: Annotated[
+        bool, expert("--strict", help="Refuse a scene that is not shown in all as in its file.")
+    ] = False,
     force: Annotated[bool, output("--force", help="Replace the file if it exists.")] = False,
     quiet: QuietOption = False,
 ) -> None:
@@ -64,6 +68,8 @@ def render(
     seen = load_display(display) if display is not None else field_of_view
     name, scene = (sequence, "") if path is None else (str(path), sequence)
     source = built_in_sequence(name, size_in(size), duration, fps, seen, scene=scene)
+    if isinstance(source, SceneSequence):
+        source = replace(source, strict=strict)
     made, light = source.format, list[tuple[float, float]]()
     with shown_progress(quiet) as progress:
         frames = counted(progress, source.frames(), f"rendering {source.name}", source.n_frames)

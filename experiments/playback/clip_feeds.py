@@ -24,6 +24,7 @@ from evenlight.stimuli.scenes.engine.antialiasing import LIVE, Antialiasing
 from evenlight.stimuli.scenes.engine.camera_path import check_path
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
+from evenlight.stimuli.scenes.gltf.gltf_differences import tell_differences
 from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 
 if TYPE_CHECKING:
@@ -293,6 +294,7 @@ class SceneFeed(ImageFeed):
         self.drawn, self._path = (sequence, scale), sequence.path()
         scene = scene_of(self._path)
         check_path(self._path, scene)
+        tell_differences(scene, self._path, sequence.field_of_view)
         whole, self._scale = (sequence.format.width, sequence.format.height), scale or 1.0
         self._size = shown_size(whole, self._scale, room or whole)
         self._times = [time for time, _ in sequence.format.times()]
@@ -343,6 +345,7 @@ class EyeSceneFeed(ImageFeed):
         self._path, self._window = sequence.path(), window
         scene = scene_of(self._path)
         check_path(self._path, scene)
+        tell_differences(scene, self._path, sequence.field_of_view)
         frame = window.framebuffer()
         self._size = frame.width // 2, frame.height
         self._stereo = StereoRenderer(window.context(), scene, self._size, sequence.quality)

@@ -40,12 +40,15 @@ class SceneSequence(BuiltInSequence):
         Name or file of the scene, in place of the path's own.
     antialiasing : Antialiasing
         Samples of each pixel.
+    strict : bool
+        Refuse a scene of which something is not shown as in its file.
     """
 
     path_name: str
     quality: Quality = Quality.FINE
     scene: str = ""
     antialiasing: Antialiasing = OFFLINE
+    strict: bool = False
 
     def __post_init__(self) -> None:
         path = self.path()
@@ -82,16 +85,20 @@ class SceneSequence(BuiltInSequence):
         Raises
         ------
         InputError
-            If the machine has no OpenGL, or the path leaves the scene.
+            If the machine has no OpenGL, the path leaves the scene, or it is not what `strict` asks for.
         """
         from evenlight.stimuli.scenes.engine.camera_path import check_path
         from evenlight.stimuli.scenes.engine.graphics import offscreen_context
         from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
+        from evenlight.stimuli.scenes.gltf.gltf_differences import require_as_in_file, tell_differences
 
         path = self.path()
         with offscreen_context() as context:
             scene = scene_of(path)
             check_path(path, scene)
+            if self.strict:
+                require_as_in_file(scene)
+            tell_differences(scene, path, self.field_of_view)
             size = self.format.width, self.format.height
             renderer = SceneRenderer(context, scene, size, self.quality, self.antialiasing)
             for time, duration in self.format.times():

@@ -10,6 +10,7 @@ uniform vec3 eye;
 uniform vec3 sun_direction;
 uniform vec3 sun;                 // luminance of white paper that faces it [cd/m^2]
 uniform float shadow_texel;       // [m]
+uniform vec2 sharper;             // levels by which a finer copy of an image is taken; how oblique, at most
 in vec3 where_;
 in vec3 facing;
 in vec3 at;
@@ -19,7 +20,16 @@ in vec4 fine;
 out vec4 colour;
 
 void main() {
+#ifdef SHARPER
+    vec2 size = vec2(textureSize(albedo, 0).xy);
+    vec2 dx = dFdx(at.xy) * size, dy = dFdy(at.xy) * size;
+    float wide = max(max(dot(dx, dx), dot(dy, dy)), 1e-12);  // squared: texels along a sample
+    float area = dx.x * dy.y - dx.y * dy.x;
+    float level = 0.5 * log2(max(area * area / wide, wide / sharper.y)) + sharper.x;
+    vec4 paint = textureLod(albedo, at, level);
+#else
     vec4 paint = texture(albedo, at);
+#endif
     vec3 n = normalize(facing);
 #ifdef CUTOUT
     if (is_hole(paint.a, at, float(textureSize(albedo, 0).x), facing)) discard;
@@ -46,5 +56,9 @@ void main() {
         float squared = grazing * grazing;
         seen += arriving * share.a * (0.04 + 0.6 * squared * squared * grazing);
     }
+#ifdef BLENDED
+    colour = vec4(min(seen, brightest), paint.a);
+#else
     colour = vec4(min(seen, brightest), 1.0);
+#endif
 }

@@ -16,15 +16,16 @@ out vec3 at;
 centroid out vec3 at_light;
 out vec4 share;  // of the albedo texture; gloss
 out vec4 fine;   // place and layer of the detail; its strength
-uniform sampler2D materials;  // a row each: scale of the albedo and gloss; layer and strength of the detail
+uniform sampler2D materials;  // a row each: scale of the albedo and gloss; layer and strength of the detail, layer of the albedo
 void main() {
     where_ = position;
     facing = normal;
-    at = vec3(uv, material);
+    vec4 second = texelFetch(materials, ivec2(1, int(material)), 0);
+    at = vec3(uv, second.z);
     float one = dot(normal, normal);  // not a constant, which a compiler would not interpolate
     at_light = vec3(light_at, 1.0) * one;
     share = texelFetch(materials, ivec2(0, int(material)), 0) * vec4(tint, 1.0);
-    fine = vec4(detail_at, texelFetch(materials, ivec2(1, int(material)), 0).xy);
+    fine = vec4(detail_at, second.xy);
     vec4 seen = view * vec4(position, 1.0);
     vec3 placed = placing * seen.xyw;
     gl_Position = vec4(placed.xy, seen.z, seen.w);

@@ -38,6 +38,10 @@ PATH = {
 }  # fmt: skip
 
 
+LIGHT_9 = {"KHR_lights_punctual": {"light": 9}}
+TURNED = {"baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"rotation": np.nan}}}}
+
+
 def read(folder: Path, glb: Glb) -> Scene:
     file = folder / "room.glb"
     file.write_bytes(glb.content())
@@ -121,8 +125,11 @@ def test_thin_surfaces_have_two_sides_where_the_file_says_so(tmp_path):
         (lambda glb: glb.scale(0.01), "0.04 x 0.04 x 0.025 m; need 0.5"),
         (lambda glb: glb.header["buffers"][0].update(uri="away.bin"), "buffer 'away.bin' is not beside it"),
         (lambda glb: glb.header["bufferViews"][0].update(byteLength=10**6), "content cannot be read"),
-        (lambda glb: glb.header.update(extensionsUsed=["KHR_lights_punctual"]), "export it without lights"),
-        (lambda glb: glb.header.update(extensionsUsed=["KHR_texture_transform"]), "apply the mapping"),
+        (lambda glb: glb.header["nodes"][0].update(extensions=LIGHT_9), "content cannot be read"),
+        (
+            lambda glb: glb.header["materials"][0]["pbrMetallicRoughness"].update(TURNED),
+            "content cannot be read",
+        ),
         (lambda glb: glb.add_texture(0, b"no image"), "image 0 cannot be read"),
         (
             lambda glb: glb.header.update(extensionsRequired=["KHR_draco_mesh_compression"]),
@@ -278,12 +285,14 @@ def test_paths_that_cannot_be_walked_are_refused(tmp_path, changes, message):
         scene_of(path_named(walk(tmp_path, **changes)))
 
 
-def test_a_keypoint_outside_the_scene_and_a_scene_without_light_are_refused(tmp_path):
+def test_a_keypoint_far_from_the_scene_and_a_scene_without_light_are_refused(tmp_path):
     scene = read(tmp_path, room())
     path = path_named(walk(tmp_path))
-    first = replace(path.keypoints[0], position=(0.0, -30.0, 1.6))
-    with pytest.raises(InputError, match=r"keypoint 'a' at \(0.0, -30.0, 1.6\) m is outside"):
+    first = replace(path.keypoints[0], position=(0.0, -403.0, 1.6))
+    with pytest.raises(InputError, match=r"keypoint 'a' at \(0.0, -403.0, 1.6\) m is far from the scene"):
         check_path(replace(path, keypoints=(first, *path.keypoints[1:])), scene)
+    beside = replace(first, position=(0.0, -30.0, 9.0))  # outside of it, from where it is drawn
+    check_path(replace(path, keypoints=(beside, *path.keypoints[1:])), scene)
     dark = room()
     del dark.header["materials"][LAMP]["emissiveFactor"]
     (tmp_path / "room.glb").write_bytes(dark.content())

@@ -109,7 +109,7 @@ def test_a_detail_stronger_than_its_light_is_refused() -> None:
 def test_small_copies_of_leaves_keep_the_share_that_is_there(number) -> None:
     scene = plane(Material("leaves", leaves(GREEN, DARK, number), 0.7, cutout=True), 1.0)
     textures = material_textures(scene, 256)
-    copy = textures.codes[0, ..., 3] / 255
+    copy = textures.codes[0][..., 3] / 255
     share = (copy >= CUTOFF).mean()
     for cutoff in textures.cutoffs[0, 1:5]:
         copy = copy.reshape(len(copy) // 2, 2, len(copy) // 2, 2).mean(axis=(1, 3))

@@ -49,7 +49,10 @@ def scene_of(path: CameraPath) -> Scene:
         If it cannot be read, or nothing lights it.
     """
     if is_scene_file(path.scene):
+        from evenlight.stimuli.scenes.gltf.texture_memory import with_images_that_fit
+
         scene = _scene_in(Path(path.scene), sha256_of_gltf(Path(path.scene)))
+        scene = with_images_that_fit(scene, path)
     else:
         scene = scene_named(path.scene)
     scene = replace(scene, sky=path.sky or scene.sky, sun=path.sun or scene.sun)

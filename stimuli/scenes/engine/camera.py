@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenlight.data_schema.display import Display
-from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
+from evenlight.stimuli.scenes.engine.scene import Floats, Scene, Vector, direction_of
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
 
 NEAR, FAR = 0.05, 400.0  # [m] nothing nearer or farther is drawn
@@ -132,6 +132,26 @@ def _to_clip(seen: View, size: tuple[int, int], far: float) -> Floats:
     view[:3, :3] = seen.axes()
     view[:3, 3] = -seen.axes() @ seen.position
     return lens @ view
+
+
+def sun_matrix(scene: Scene) -> Floats:
+    """Return the matrix from the scene to the sun's picture, which is looked up for sharp shadows, (4, 4).
+
+    It covers three corners of every patch: of one that reaches far beyond all others, such as the ground, the
+    fourth corner may lie outside, and has no shadows.
+    """
+    assert scene.sun is not None
+    ahead = -scene.sun.direction()
+    right = direction_of(scene.sun.azimuth - 90, 0.0)
+    axes = np.stack([right, np.cross(right, ahead), ahead])
+    patches = scene.patches
+    points = np.concatenate([patches.origin, patches.origin + patches.along, patches.origin + patches.across])
+    seen = points @ axes.T
+    low, high = seen.min(axis=0) - 0.1, seen.max(axis=0) + 0.1
+    matrix = np.eye(4)
+    matrix[:3, :3] = axes * (2 / (high - low))[:, None]
+    matrix[:3, 3] = -(high + low) / (high - low)
+    return matrix
 
 
 def focal_length_of(display: Display) -> float:

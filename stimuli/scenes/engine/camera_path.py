@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from evenlight.data_schema.errors import InputError
-from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, Camera
+from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, FAR, Camera
 from evenlight.stimuli.scenes.engine.scene import Floats, Ground, Scene, Sky, Sun, Vector
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 
@@ -243,7 +243,7 @@ def on_ground(position: Vector, scene: Scene, margin: float = TOUCHING) -> bool:
 def check_path(path: CameraPath, scene: Scene) -> None:
     """Refuse a path one of whose keypoints is not over the scene's walkable ground.
 
-    A scene of which no walkable ground is known is checked for its extent alone.
+    Of a scene without walkable ground, a camera may stand anywhere near it.
 
     Raises
     ------
@@ -263,17 +263,17 @@ def check_path(path: CameraPath, scene: Scene) -> None:
 
 
 def _check_extent(path: CameraPath, scene: Scene) -> None:
-    """Refuse a path one of whose keypoints is beside a scene, below it or high above it."""
+    """Refuse a path one of whose keypoints is so far from a scene that nothing of it is drawn."""
     patches = scene.patches
     corners = np.concatenate(
         [patches.origin, patches.origin + patches.along, patches.origin + patches.across]
     )
-    low, high = corners.min(axis=0), corners.max(axis=0) + np.array([0, 0, HIGHEST_EYE])
+    low, high = corners.min(axis=0) - FAR, corners.max(axis=0) + FAR
     for point in path.keypoints:
         if not ((low <= point.position) & (point.position <= high)).all():
             box = " x ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
             raise InputError(
-                f"camera path {path.name}: keypoint {point.name!r} at {point.position} m is outside "
+                f"camera path {path.name}: keypoint {point.name!r} at {point.position} m is far from "
                 f"the scene; need x, y and z in {box} m, z up (docs/scenes.md)"
             )
 

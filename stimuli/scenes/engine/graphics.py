@@ -73,6 +73,11 @@ def offscreen_context() -> moderngl.Context:
     )
 
 
+def with_defined(source: str, word: str) -> str:
+    """Return a shader with a word defined."""
+    return source.replace("#version 330\n", f"#version 330\n#define {word}\n")
+
+
 def with_holes(source: str, samples: int = 1) -> str:
     """Return a shader for materials with holes, into samples that the graphics card takes of each pixel."""
     several = f"#extension GL_ARB_sample_shading : require\n#define SAMPLES {samples}\n" * (samples > 1)

@@ -12,20 +12,25 @@ from numpy.typing import NDArray
 
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.antialiasing import NONE, OFFLINE, Antialiasing, average_fragment, tiles
-from evenlight.stimuli.scenes.engine.camera import View
+from evenlight.stimuli.scenes.engine.camera import View, sun_matrix
 from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK
 from evenlight.stimuli.scenes.engine.light.bake import charts_of, light_picture
 from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
 from evenlight.stimuli.scenes.engine.material_textures import SIZE, MaterialTextures, material_textures
-from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene, direction_of
+from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene
 from evenlight.stimuli.scenes.engine.surface_detail import detail_tiles
+from evenlight.stimuli.scenes.engine.texture_arrays import ALBEDO, CUTOFFS, TextureArrays
 from evenlight.stimuli.scenes.engine.vertices import (
     ATTRIBUTES,
+    BLENDED,
+    HOLED,
     LAYOUT,
     SHRUNK,
+    SOLID,
     blocks_of,
     faces_of,
     in_view,
+    kinds_of,
     not_hidden,
     occluders,
     shown_first_to_last,
@@ -40,8 +45,9 @@ if TYPE_CHECKING:
 DEPTH_TEST = 2  # of moderngl, which is imported by those who make a context
 BRIGHTEST = 150.0  # [cd/m^2] brighter light is drawn like this: a display shows 99 % of its peak for it, and
 # the edges of lamps could not be smoothed
+FINEST = 16.0  # of anisotropic filtering by the graphics card
 SHADOW_SIZE = 4096  # [texels] of the sun's picture
-ALBEDO, LIGHT, SHADOW, MATERIALS, DETAIL, CUTOFFS = 0, 1, 2, 3, 4, 5  # texture units
+LIGHT, SHADOW, MATERIALS, DETAIL = 1, 2, 3, 4  # texture units, as those of `texture_arrays`
 
 
 class SceneRenderer:
@@ -164,9 +170,13 @@ class GraphicsScene:
         self._walls = context.buffer(occluders(scene, self._faces).tobytes())
         textures = material_textures(scene, SIZE if quality is Quality.FINE else SIZE // 2)
         self._upload(textures, light_picture(scene, charts, textures, quality))
-        self._solid = self._surface(shader("surface_vertex"), shader("surface"))
-        holed = graphics.with_holes(shader("surface"), samples)
-        self._holed = self._surface(shader("surface_vertex"), holed)
+        source = shader("surface")
+        if samples == 1 and any(material.sampling for material in scene.materials):
+            source = graphics.with_defined(source, "SHARPER")
+        self._solid = self._surface(source)
+        self._holed = self._surface(graphics.with_holes(source, samples))
+        self._blended = self._surface(graphics.with_defined(source, "BLENDED"))
+        self._surfaces = self._solid, self._holed, self._blended
         self._sky_program = context.program(vertex_shader=shader("sky_vertex"), fragment_shader=shader("sky"))
         self._sky_whole = context.vertex_array(self._sky_program, [])
         self._cast_shadows()
@@ -184,45 +194,64 @@ class GraphicsScene:
 
     def choose(self, camera: View, size: tuple[int, int], antialiasing: Antialiasing) -> None:
         """Choose what a camera sees, which is what `draw` draws: the nearest first."""
-        set_uniforms(self._holed, numbering=antialiasing.numbering())
+        self._sample_as(antialiasing)
         matrix = camera.matrix(size)
         blocks = self._in_sight(matrix, size)
-        holed = self._blocks.cutout[blocks]
-        solid, cutout = (
-            shown_first_to_last(self._faces, self._blocks, chosen, matrix, camera.position)
-            for chosen in (blocks[~holed], blocks[holed])
+        solid, holed, blended = (
+            shown_first_to_last(
+                self._faces, self._blocks, blocks[self._blocks.kind[blocks] == kind], matrix, camera.position
+            )
+            for kind in (SOLID, HOLED, BLENDED)
         )
-        self._write(solid, cutout)
+        self._write(solid, holed, blended[::-1])
+
+    def _sample_as(self, antialiasing: Antialiasing) -> None:
+        for surface in self._surfaces:
+            set_uniforms(surface, numbering=antialiasing.numbering(), sharper=antialiasing.sharper())
 
     def draw(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
-        """Draw what was chosen: what is solid, then the sky around it, then what has holes.
+        """Draw what was chosen: what is solid, the sky around it, what has holes, what others show through.
 
         `placing` is the matrix, (3, 3), from the picture to where it is drawn, both from -1 to 1 each way.
         """
         import moderngl
 
         context, matrix = self._context, camera.matrix(size)
-        for surface in (self._solid, self._holed):
+        for surface in self._surfaces:
             set_uniforms(surface, view=matrix, eye=camera.position, placing=placing)
         self._use_textures()
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         for edge in graphics.CLIP_DISTANCES:
             context.enable_direct(edge)
-        self._draw_chosen(self._solid, holed=False)
+        self._draw_chosen(self._solid, SOLID)
         context.disable(moderngl.CULL_FACE)
         self._draw_sky(camera, size, placing)
-        self._use_textures()  # the sky took one's place
-        self._draw_chosen(self._holed, holed=True)
+        self._draw_chosen(self._holed, HOLED)
+        if any(kind == BLENDED for kind, *_ in self._runs):
+            self._draw_blended()
         for edge in graphics.CLIP_DISTANCES:
             context.disable_direct(edge)
 
+    def _draw_blended(self) -> None:
+        """Draw what others show through: behind before in front, light that is laid over a surface on it."""
+        import moderngl
+
+        context = self._context
+        context.enable(moderngl.BLEND | moderngl.CULL_FACE)
+        context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
+        context.polygon_offset = -1.0, -1.0
+        context.fbo.depth_mask = False
+        self._draw_chosen(self._blended, BLENDED)
+        context.fbo.depth_mask = True
+        context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
+        context.polygon_offset = 0.0, 0.0
+        context.disable(moderngl.BLEND | moderngl.CULL_FACE)
+
     def _use_textures(self) -> None:
-        self._albedo.use(ALBEDO)
         self._light.use(LIGHT)
         self._shadow.use(SHADOW)
         self._materials.use(MATERIALS)
         self._detail.use(DETAIL)
-        self._cutoffs.use(CUTOFFS)
 
     def _in_sight(self, matrix: Floats, size: tuple[int, int]) -> NDArray[np.int64]:
         """Return the blocks that are in view and not hidden behind walls, nearest first."""
@@ -243,15 +272,23 @@ class GraphicsScene:
         chosen = in_view(self._blocks, matrix)
         return not_hidden(self._blocks, chosen, matrix, depth.reshape(height, width))
 
-    def _write(self, solid: NDArray[np.int64], cutout: NDArray[np.int64]) -> None:
-        first, last = self._faces.indices(solid), self._faces.indices(cutout)
-        self._counts = len(first), len(last)
+    def _write(self, *chosen: NDArray[np.int64]) -> None:
+        """Write the patches of each kind, in the order in which they are drawn."""
+        self._runs, written, first = list[tuple[int, int, int, int]](), list[NDArray[np.uint32]](), 0
+        for kind, patches in enumerate(chosen):
+            for array, run in self._textures.runs(patches, sort=kind != BLENDED):
+                written.append(self._faces.indices(run))
+                self._runs.append((kind, array, first, len(written[-1])))
+                first += len(written[-1])
         self._indices.orphan()
-        self._indices.write(np.concatenate([first, last]).tobytes())
+        if written:
+            self._indices.write(np.concatenate(written).tobytes())
 
-    def _draw_chosen(self, surface: moderngl.VertexArray, holed: bool) -> None:
-        if self._counts[holed]:
-            surface.render(vertices=self._counts[holed], first=self._counts[0] if holed else 0)
+    def _draw_chosen(self, surface: moderngl.VertexArray, chosen: int) -> None:
+        for kind, array, first, count in self._runs:
+            if kind == chosen:
+                self._textures.use(array)
+                surface.render(vertices=count, first=first)
 
     def _draw_sky(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
         right, up, ahead = camera.axes()
@@ -269,10 +306,7 @@ class GraphicsScene:
 
     def _upload(self, textures: MaterialTextures, light: np.ndarray) -> None:
         context, scene = self._context, self._scene
-        layers, size = textures.codes.shape[:2]
-        self._albedo = context.texture_array((size, size, layers), 4, textures.codes.tobytes())
-        self._albedo.build_mipmaps()
-        self._albedo.filter = graphics.LINEAR_MIPMAP_LINEAR, graphics.LINEAR
+        self._textures = TextureArrays(context, scene, textures, 1.0 if self._samples == 1 else FINEST)
         tiles, detail = detail_tiles(scene.materials)
         self._detail = context.texture_array(
             (*tiles.shape[:0:-1], len(tiles)), 1, (tiles / 255).astype("f2").tobytes(), dtype="f2"
@@ -281,13 +315,10 @@ class GraphicsScene:
         # One copy is enough for what is so faint: a second one costs 5 % of a frame on a CPU.
         self._detail.filter = graphics.LINEAR_MIPMAP_NEAREST, graphics.LINEAR
         gloss = [[m.gloss] for m in scene.materials]
-        table = np.concatenate([textures.scale, gloss, detail, np.zeros_like(detail)], axis=1).astype("f4")
-        self._materials = context.texture((2, layers), 4, table.tobytes(), dtype="f4")
+        layers = self._textures.layers
+        table = np.concatenate([textures.scale, gloss, detail, layers, 0 * layers], axis=1).astype("f4")
+        self._materials = context.texture((2, len(table)), 4, table.tobytes(), dtype="f4")
         self._materials.filter = graphics.NEAREST, graphics.NEAREST
-        self._cutoffs = context.texture(
-            textures.cutoffs.shape[::-1], 1, textures.cutoffs.astype("f4").tobytes(), dtype="f4"
-        )
-        self._cutoffs.repeat_x = False
         height, width = light.shape[:2]
         four = np.ones((height, width, 4), dtype="f2")
         four[..., :3] = light
@@ -298,8 +329,8 @@ class GraphicsScene:
         )
         self._sky.repeat_x, self._sky.repeat_y = True, False
 
-    def _surface(self, vertex: str, fragment: str) -> moderngl.VertexArray:
-        program = self._context.program(vertex_shader=vertex, fragment_shader=fragment)
+    def _surface(self, fragment: str) -> moderngl.VertexArray:
+        program = self._context.program(vertex_shader=shader("surface_vertex"), fragment_shader=fragment)
         surface = self._context.vertex_array(program, [(self._vertices, LAYOUT, *ATTRIBUTES)], self._indices)
         set_uniforms(
             surface, brightest=BRIGHTEST, albedo=ALBEDO, light=LIGHT, shadow=SHADOW, materials=MATERIALS,
@@ -314,10 +345,10 @@ class GraphicsScene:
         if sun is None:
             self._shadow = self._context.depth_texture((1, 1), np.ones(1, dtype="f4").tobytes())
             self._shadow.compare_func = "<="
-            for surface in (self._solid, self._holed):
+            for surface in self._surfaces:
                 set_uniforms(surface, sun=(0.0, 0.0, 0.0), sun_direction=(0.0, 0.0, 1.0), to_shadow=np.eye(4))
             return
-        matrix = _sun_matrix(self._scene)
+        matrix = sun_matrix(self._scene)
         self._shadow = self._context.depth_texture((SHADOW_SIZE, SHADOW_SIZE))
         self._shadow.compare_func = "<="
         self._shadow.repeat_x = self._shadow.repeat_y = False
@@ -327,14 +358,14 @@ class GraphicsScene:
             target.clear()
             self._context.enable(moderngl.DEPTH_TEST)
             self._use_textures()
-            cutout = self._scene.holed()
-            self._write(np.flatnonzero(~cutout), np.flatnonzero(cutout))
-            for holed in (False, True):
-                caster = self._caster(holed)
+            kinds = kinds_of(self._scene)
+            self._write(*(np.flatnonzero(kinds == kind) for kind in (SOLID, HOLED, BLENDED)))
+            for kind in (SOLID, HOLED, BLENDED):
+                caster = self._caster(kind)
                 set_uniforms(caster, view=matrix)
-                self._draw_chosen(caster, holed)
+                self._draw_chosen(caster, kind)
         halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
-        for surface in (self._solid, self._holed):
+        for surface in self._surfaces:
             set_uniforms(
                 surface,
                 sun=sun.luminance(),
@@ -343,8 +374,8 @@ class GraphicsScene:
                 shadow_texel=float((2 / np.linalg.norm(matrix[:2, :3], axis=1)).max() / SHADOW_SIZE),
             )
 
-    def _caster(self, holed: bool) -> moderngl.VertexArray:
-        if not holed:
+    def _caster(self, kind: int) -> moderngl.VertexArray:
+        if kind == SOLID:
             return self._depth_only(self._indices)
         program = self._context.program(
             vertex_shader=shader("shadow_vertex"),
@@ -352,7 +383,8 @@ class GraphicsScene:
         )
         content = [(self._vertices, "3f4 8x1 2f4 28x1 1f4", "position", "uv", "material")]
         caster = self._context.vertex_array(program, content, self._indices)
-        set_uniforms(caster, albedo=ALBEDO, cutoffs=CUTOFFS, numbering=NONE.numbering())
+        units = {"albedo": ALBEDO, "cutoffs": CUTOFFS, "materials": MATERIALS}
+        set_uniforms(caster, **units, numbering=NONE.numbering())
         return caster
 
     def _depth_only(self, indices: moderngl.Buffer) -> moderngl.VertexArray:
@@ -361,23 +393,3 @@ class GraphicsScene:
             vertex_shader=shader("shadow_vertex"), fragment_shader=shader("shadow")
         )
         return self._context.vertex_array(program, [(self._vertices, "3f4 48x1", "position")], indices)
-
-
-def _sun_matrix(scene: Scene) -> Floats:
-    """Return the matrix from the scene to the sun's picture, which is looked up for sharp shadows, (4, 4).
-
-    It covers three corners of every patch: of one that reaches far beyond all others, such as the ground, the
-    fourth corner may lie outside, and has no shadows.
-    """
-    assert scene.sun is not None
-    ahead = -scene.sun.direction()
-    right = direction_of(scene.sun.azimuth - 90, 0.0)
-    axes = np.stack([right, np.cross(right, ahead), ahead])
-    patches = scene.patches
-    points = np.concatenate([patches.origin, patches.origin + patches.along, patches.origin + patches.across])
-    seen = points @ axes.T
-    low, high = seen.min(axis=0) - 0.1, seen.max(axis=0) + 0.1
-    matrix = np.eye(4)
-    matrix[:3, :3] = axes * (2 / (high - low))[:, None]
-    matrix[:3, 3] = -(high + low) / (high - low)
-    return matrix

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,8 +14,18 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Vector = tuple[float, float, float]
 REC_709 = np.array([0.2126, 0.7152, 0.0722])  # luminance of linear red, green and blue
-Texture = Callable[[np.random.Generator, int], NDArray[np.float32]]
+Texture = Callable[[np.random.Generator, Any], NDArray[np.float32]]
 SEED = 1
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How an image serves as a texture."""
+
+    size: tuple[int, int]  # width and height [texels]
+    clamped: tuple[bool, bool] = (False, False)  # whether it ends at its edges, instead of repeating
+    nearest: bool = False  # whether its texels are seen as squares from near
+    image: str = ""  # its name
 
 
 @dataclass(frozen=True)
@@ -28,13 +39,19 @@ class Material:
     texture : function of (rng, size)
         Returns linear albedo in [0, 1], (size, size, 3), row 0 on top, which repeats without seams; with
         `cutout` (size, size, 4), where the last channel says what is there (1) and what is not (0). Its
-        attribute `detail`, if it has one, is what it looks like from near (`surface_detail.Detail`).
+        attribute `detail`, if it has one, is what it looks like from near (`surface_detail.Detail`). With
+        `sampling`, width and height are asked for in place of a size.
     tile : float
         What one repeat of the texture covers [m].
     gloss : float
         Strength of the reflection of the surroundings, 0 matt to 1 like a mirror at grazing angles.
     cutout : bool
         Whether the texture has holes (foliage, nets, fences); such surfaces are seen from both sides.
+    blended : bool
+        Whether the last channel is an opacity: the surface is drawn over what is behind it, which shows by
+        the rest. The albedo is then that of the whole place, the see-through part of it counted as black.
+    sampling : Sampling or None
+        Of an image; None for textures that are made in the size that is asked for.
     """
 
     name: str
@@ -42,6 +59,8 @@ class Material:
     tile: float
     gloss: float = 0.0
     cutout: bool = False
+    blended: bool = False
+    sampling: Sampling | None = None
 
     def __post_init__(self) -> None:
         if not self.tile > 0:
@@ -70,6 +89,8 @@ class Patches:
         Factor of the texture's albedo, in [0, 1].
     emission : array, (n, 3)
         Luminance that the piece sends out itself, linear RGB [cd/m^2].
+    shades : array, (n, 3, 3), or None
+        The tint at the origin and at the ends of the two edges, where it changes; `tint` is then its mean.
     """
 
     origin: Floats
@@ -81,6 +102,7 @@ class Patches:
     material: NDArray[np.int64]
     tint: Floats
     emission: Floats
+    shades: Floats | None = None
 
     def __len__(self) -> int:
         return len(self.origin)
@@ -148,6 +170,15 @@ class Place:
 
 
 @dataclass(frozen=True, eq=False)
+class Difference:
+    """What is not shown as in the file of a scene: which feature of it, whose, and of which patches."""
+
+    feature: str
+    where: str
+    patches: NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """All there is in a place.
 
@@ -171,6 +202,8 @@ class Scene:
         Where one may walk.
     places : tuple of Place
         Its regions.
+    unlike : tuple of Difference
+        What is not shown as in its file.
     """
 
     name: str
@@ -182,6 +215,11 @@ class Scene:
     sky: Sky
     walkable: tuple[Ground, ...]
     places: tuple[Place, ...]
+    unlike: tuple[Difference, ...] = ()
+
+    def blended(self) -> NDArray[np.bool_]:
+        """Return which patches are drawn over what is behind them, (n,)."""
+        return np.array([material.blended for material in self.materials])[self.patches.material]
 
     def holed(self) -> NDArray[np.bool_]:
         """Return which patches have holes, (n,)."""

@@ -15,7 +15,7 @@ from evenlight.stimuli.scenes.engine.antialiasing import EYES, Antialiasing
 from evenlight.stimuli.scenes.engine.camera import View
 from evenlight.stimuli.scenes.engine.renderer import GraphicsScene, SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Quality, Scene
-from evenlight.stimuli.shaders import set_uniforms
+from evenlight.stimuli.scenes.engine.vertices import BLENDED, HOLED, SOLID, kinds_of
 
 if TYPE_CHECKING:
     import moderngl
@@ -40,12 +40,17 @@ class WholeScene(GraphicsScene):
         self, context: moderngl.Context, scene: Scene, quality: Quality | None, samples: int
     ) -> None:
         super().__init__(context, scene, quality, samples)
-        holed = scene.holed()
-        self._write(np.flatnonzero(~holed), np.flatnonzero(holed))
+        kinds = kinds_of(scene)
+        self._all = [np.flatnonzero(kinds == kind) for kind in (SOLID, HOLED, BLENDED)]
+        self._middles = self._faces.corners[self._all[BLENDED]].mean(axis=1)
+        self._write(*self._all)
 
     def choose(self, camera: View, size: tuple[int, int], antialiasing: Antialiasing) -> None:
-        """Leave everything to be drawn."""
-        set_uniforms(self._holed, numbering=antialiasing.numbering())
+        """Leave everything to be drawn, what others show through from the farthest to the nearest."""
+        self._sample_as(antialiasing)
+        if len(self._middles):
+            far = np.linalg.norm(self._middles - camera.position, axis=1)
+            self._write(*self._all[:BLENDED], self._all[BLENDED][np.argsort(-far)])
 
 
 class StereoRenderer:

@@ -34,6 +34,7 @@ VERTEX = np.dtype(
 )
 LAYOUT = "3f4 3f2 2x1 2f4 2f4 2f4 3f4 1f4"
 ATTRIBUTES = ("position", "normal", "uv", "detail_at", "light_at", "tint", "material")
+SOLID, HOLED, BLENDED = 0, 1, 2  # drawn in this order
 SHRUNK = 3  # the small picture has this fraction of the large one's width and height
 SIDE, AREA = 0.7, 1.2  # [m], [m^2] patches of this size hide others
 DEPTHS = 1024  # that patches are sorted by
@@ -51,7 +52,7 @@ class Blocks:
     # (b, 3): corners of the boxes [m]
     low: Floats
     high: Floats
-    cutout: NDArray[np.bool_]  # (b,): whether the surfaces have holes
+    kind: NDArray[np.int64]  # (b,): whether the surfaces are solid, have holes, or are blended
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +88,12 @@ def vertices_of(scene: Scene, charts: Charts, faces: Faces) -> NDArray[np.void]:
     vertices["position"] = faces.corners
     vertices["normal"][..., :3] = corners_of(patches.normals)
     # Whole repeats are taken away, so that far from the origin no precision is lost.
-    vertices["uv"] = corners_of(patches.uvs - np.floor(patches.uvs.mean(axis=1, keepdims=True)))
+    clamped = np.array([m.sampling.clamped if m.sampling else (False, False) for m in scene.materials])
+    whole = np.where(clamped[patches.material, None], 0, np.floor(patches.uvs.mean(axis=1, keepdims=True)))
+    vertices["uv"] = corners_of(patches.uvs - whole)
     vertices["detail_at"] = corners_of(detail_coordinates(scene))
     vertices["light_at"] = corners_of(charts.coordinates())
-    vertices["tint"] = patches.tint[:, None]
+    vertices["tint"] = patches.tint[:, None] if patches.shades is None else corners_of(patches.shades)
     vertices["material"] = patches.material[:, None]
     return vertices.ravel()
 
@@ -103,13 +106,13 @@ def corners_of(corners: Floats) -> Floats:
 
 def blocks_of(scene: Scene, faces: Faces) -> Blocks:
     """Return the blocks of a scene's patches."""
-    cutout = scene.holed()
+    kind = kinds_of(scene)
     whole = np.where(faces.triangle[:, None, None], faces.corners[:, [0, 1, 2, 2]], faces.corners)
     low, high = whole.min(axis=1), whole.max(axis=1)
     large = (high - low).max(axis=1) > LARGE
     cell = np.floor((low + high) / 2 / [BLOCK, BLOCK, STOREY]).astype(np.int64)
     cell[large] //= 4
-    key = np.column_stack([cutout, large, cell])
+    key = np.column_stack([kind, large, cell])
     _, block = np.unique(key, axis=0, return_inverse=True)
     block = block.ravel()
     order = np.argsort(block, kind="stable")
@@ -120,8 +123,13 @@ def blocks_of(scene: Scene, faces: Faces) -> Blocks:
         np.diff(edges, append=len(order)),
         np.minimum.reduceat(low[order], edges),
         np.maximum.reduceat(high[order], edges),
-        cutout[order][edges],
+        kind[order][edges],
     )
+
+
+def kinds_of(scene: Scene) -> NDArray[np.int64]:
+    """Return of each patch whether it is `SOLID`, `HOLED` or `BLENDED`."""
+    return np.asarray(np.where(scene.blended(), BLENDED, np.where(scene.holed(), HOLED, SOLID)))
 
 
 def in_view(blocks: Blocks, matrix: Floats) -> NDArray[np.int64]:
@@ -147,7 +155,12 @@ def occluders(scene: Scene, faces: Faces) -> NDArray[np.uint32]:
     """Return the indices of triangles that hide what is behind them, for the scene's vertices."""
     patches = scene.patches
     wide, high = (np.linalg.norm(edge, axis=1) for edge in (patches.along, patches.across))
-    chosen = (np.minimum(wide, high) >= SIDE) & (wide * high >= AREA) & ~patches.triangle & ~scene.holed()
+    chosen = (
+        (np.minimum(wide, high) >= SIDE)
+        & (wide * high >= AREA)
+        & ~patches.triangle
+        & (kinds_of(scene) == SOLID)
+    )
     if not chosen.any():
         return np.zeros(3, dtype=np.uint32)  # a triangle without area
     return faces.indices(np.flatnonzero(chosen))
@@ -227,7 +240,7 @@ def shown_first_to_last(
     blocks : Blocks
         Of the scene.
     chosen : array of int, (b,)
-        Which blocks; all of them have holes, and are seen from both sides, or none.
+        Which blocks, all of one kind; those with holes are seen from both sides.
     matrix : array, (4, 4)
         From the scene to clip space.
     eye : array_like, (3,)
@@ -236,7 +249,7 @@ def shown_first_to_last(
     runs = np.column_stack([blocks.first[chosen], blocks.count[chosen]])
     patches = _run_by_run(blocks.order, runs)
     eye = np.append(np.asarray(eye, dtype=float), 1.0)
-    if len(chosen) and blocks.cutout[chosen[0]]:
+    if len(chosen) and blocks.kind[chosen[0]] == HOLED:
         eye[:] = np.nan  # in front of nothing, and behind nothing
     depth = _depths(faces.corners, faces.planes, faces.triangle, patches, matrix, eye)
     return np.asarray(patches[np.argsort(depth, kind="stable")[np.count_nonzero(depth < 0) :]])

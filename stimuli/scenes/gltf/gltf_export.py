@@ -15,7 +15,7 @@ from evenlight.stimuli.scenes.engine.camera_path_file import table_of_light
 from evenlight.stimuli.scenes.engine.material_textures import CUTOFF, material_textures
 from evenlight.stimuli.scenes.engine.scene import Floats, Scene
 from evenlight.stimuli.scenes.engine.vertices import corners_of
-from evenlight.stimuli.scenes.gltf.gltf_scene import UPRIGHT
+from evenlight.stimuli.scenes.gltf.gltf_file import UPRIGHT
 
 if TYPE_CHECKING:
     import trimesh

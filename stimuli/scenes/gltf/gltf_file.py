@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from urllib.parse import unquote
 
+import numpy as np
+
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.input_sizes import MOST_BYTES, MOST_PIXELS, require_size
@@ -24,13 +26,10 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".glb", ".gltf")
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942  # glTF 2.0 specification, 4.4
+UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # from y up to z up
 TABLES = ("buffers", "images", "accessors")  # lists of them
-READ = "KHR_materials_"  # extensions that a file may require: all but one change no more than the gloss
-# Without these it would look different: they are refused with the way out.
-NOT_READ = {
-    "KHR_texture_transform": "apply the mapping to the texture coordinates",
-    "KHR_lights_punctual": "export it without lights: lamps are materials that shine, the sun is in the path",
-}
+# Extensions that a file may require: those of materials are read, or listed as not shown.
+READ = ("KHR_materials_", "KHR_texture_transform", "KHR_lights_punctual", "EXT_texture_webp")
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,8 +40,15 @@ class GltfFile:
     header: dict[str, Any]
     buffers: tuple[bytes, ...]  # its buffers, those of other files included
 
-    def image(self, texture: int) -> Image:
-        """Return the image of a texture, RGBA.
+    def source(self, texture: int) -> int | None:
+        """Return which image a texture shows, WebP before others; None if its kind is not read."""
+        entry = self.header["textures"][texture]
+        webp = entry.get("extensions", {}).get("EXT_texture_webp", {})
+        number = webp.get("source", entry.get("source"))
+        return None if number is None else int(number)
+
+    def image(self, texture: int) -> Image | None:
+        """Return the image of a texture, RGBA; None if it is of a kind that is not read.
 
         Raises
         ------
@@ -51,7 +57,10 @@ class GltfFile:
         """
         from PIL import Image
 
-        entry = self.header["images"][self.header["textures"][texture]["source"]]
+        number = self.source(texture)
+        if number is None:
+            return None
+        entry = self.header["images"][number]
         if "bufferView" in entry:
             view = self.header["bufferViews"][entry["bufferView"]]
             first = view.get("byteOffset", 0)
@@ -67,7 +76,9 @@ class GltfFile:
             raise
         except (OSError, SyntaxError, ValueError) as error:
             where = f"image {entry.get('uri', entry.get('name', texture))!s:.60}"
-            raise InputError(f"{self.path}: {where} cannot be read ({error}); give a PNG or JPEG") from None
+            raise InputError(
+                f"{self.path}: {where} cannot be read ({error}); give a PNG, JPEG or WebP"
+            ) from None
 
 
 def read_gltf(path: Path) -> GltfFile:
@@ -89,9 +100,6 @@ def _buffers(path: Path, header: dict[str, Any], own: bytes) -> tuple[bytes, ...
     version = str(header["asset"].get("version"))
     if not version.startswith("2."):
         raise InputError(f"{path}: need glTF of version 2, got version {version}")
-    for name, way_out in NOT_READ.items():
-        if name in header.get("extensionsUsed", ()):
-            raise InputError(f"{path}: {name} is not read; {way_out}")
     needed = [str(name) for name in header.get("extensionsRequired", ()) if not str(name).startswith(READ)]
     if needed:
         raise InputError(f"{path}: it needs {', '.join(needed)}, which is not read; export it uncompressed")

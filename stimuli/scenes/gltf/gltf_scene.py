@@ -7,10 +7,11 @@ texture for each image; colours are tints.
 
 from __future__ import annotations
 
+import itertools
 import json
+import math
 import re
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import replace
 from io import BytesIO
 from typing import TYPE_CHECKING, Any
 
@@ -18,28 +19,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.storage.input_sizes import MOST_SCENE_PIXELS, require_size
+from evenlight.data_schema.storage.input_sizes import require_size
 from evenlight.stimuli.scenes.engine.camera_path_file import light_in
-from evenlight.stimuli.scenes.engine.scene import SEED, Floats, Material, Patches, Scene, Sky
+from evenlight.stimuli.scenes.engine.scene import REC_709, SEED, Difference, Floats, Patches, Scene, Sky, Sun
 from evenlight.stimuli.scenes.engine.shapes import at_right_angles, widest_corner_first
-from evenlight.stimuli.scenes.gltf.gltf_file import GltfFile, in_one_line
+from evenlight.stimuli.scenes.gltf.gltf_differences import Part, differences_of
+from evenlight.stimuli.scenes.gltf.gltf_file import UPRIGHT, GltfFile, in_one_line
+from evenlight.stimuli.scenes.gltf.gltf_materials import Surface, Surfaces, extension, named, numbers
 
 if TYPE_CHECKING:
     import trimesh
-    from PIL.Image import Image
 
-UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # from y up to z up
 TWIN = 0.001  # [m] the two sides of a thin surface are this far apart
 SMALL = 1e-12  # [m^2] triangles of less area are left out
 FLAT = 1e-4  # [m, and repeats of a texture] corners of a parallelogram fit to this
 FACETED = 1e-3  # unit normals that differ by less are those of a flat piece
 SMALLEST, LARGEST = 0.5, 2000.0  # [m] longest side of a scene
-SHARES = np.arange(256, dtype=np.float32) / 255  # of the values of an image, and in linear light (sRGB)
-LIGHT = np.where(SHARES <= 0.04045, SHARES / 12.92, ((SHARES + 0.055) / 1.055) ** 2.4)
 MOST_TRIANGLES = 1_000_000
 MOST_ENTRIES = 20 * MOST_TRIANGLES  # of its lists of numbers, as often as meshes name them
-MOST_TEXTURES = 256
-THERE = 0.5  # opacity from which a surface that would be blended counts as there
+STRIP, FAN = 5, 6  # glTF 2.0 specification, 5.24
+LIGHTS = "KHR_lights_punctual"
+RADIUS = 0.02  # [m] of the ball that a point of light becomes
+FAINTEST = 0.01  # [cd/m^2] pieces under a darker part of an emissive texture do not shine
 MOST_LAMPS = 5_000  # luminous pieces: the bake looks for each of them from everywhere
 
 
@@ -53,15 +54,18 @@ def scene_from_gltf(file: GltfFile) -> Scene:
     """
     with in_one_line(file.path):
         loaded, surfaces = _loaded(file), Surfaces(file)
-        patches = _patches(file, loaded, surfaces)
+        lights, sun_of_file, unlike = _lights(file, loaded, surfaces)
+        patches, parts = _patches(file, loaded, surfaces, lights)
         scenes = file.header.get("scenes", [{}])
         ours = (scenes[file.header.get("scene", 0)].get("extras") or {}).get("evenlight", {})
         sky, sun = light_in(ours)
         windows = np.asarray(ours.get("windows", ()), dtype=float).reshape(-1, 4, 3)
         if not (np.abs(windows) <= LARGEST).all():
             raise ValueError(f"need windows at most {LARGEST:g} m away")
+        unlike += differences_of(file.header, parts)
     name = re.sub(r"[^\w .-]", "_", file.path.name)
-    return Scene(name, SEED, patches, surfaces.materials(), windows, sun, sky or Sky(), (), ())
+    light = sun or sun_of_file, sky or Sky()
+    return Scene(name, SEED, patches, surfaces.materials(), windows, *light, (), (), tuple(unlike))
 
 
 def _loaded(file: GltfFile) -> trimesh.Scene:
@@ -80,29 +84,85 @@ def _loaded(file: GltfFile) -> trimesh.Scene:
         for number in (*one["attributes"].values(), *([one["indices"]] if "indices" in one else []))
     ]  # a file may have one piece of memory stand for many
     require_size(sum(int(one["count"]) for one in named), MOST_ENTRIES, file.path, "points and corners")
-    paints = [material.get("pbrMetallicRoughness", {}) for material in header.get("materials", ())]
-    texcoords = [f"TEXCOORD_{paint.get('baseColorTexture', {}).get('texCoord', 0)}" for paint in paints]
-    header["materials"] = [{"name": str(k)} for k in range(len(texcoords))]
-    for key in ("images", "textures", "cameras", "animations", "skins"):
+    count, header["materials"] = len(header.get("materials", ())), []
+    for key in ("images", "textures", "cameras", "animations", "skins", "extensions"):
         header.pop(key, None)
-    header["buffers"] = [{"uri": str(k)} for k in range(len(file.buffers))]
     for k, node in enumerate(header.get("nodes", ())):
         node["name"] = str(k)
-        node.pop("camera", None)
+        for key in ("camera", "extensions"):
+            node.pop(key, None)
     for k, mesh in enumerate(header.get("meshes", ())):
         mesh["name"] = str(k)
         for primitive in mesh["primitives"]:
-            texcoord = texcoords[primitive["material"]] if "material" in primitive else ""
             kept = primitive["attributes"]
             primitive["attributes"] = {"POSITION": kept["POSITION"]} | {
-                f"_{name}": kept[name] for name in ("NORMAL", "COLOR_0", texcoord) if name in kept
+                f"_{name}": kept[name]
+                for name in kept
+                if name in ("NORMAL", "COLOR_0") or name.startswith("TEXCOORD_")
             }
+            primitive.pop("extensions", None)
+            fan = primitive.get("mode") == FAN
+            if fan:
+                primitive["mode"] = STRIP
+            number = primitive.get("material")
+            if number is not None and not 0 <= number < count:
+                raise ValueError(f"there is no material {number}")
+            # A name for each, which tells whose the triangles are.
+            primitive["material"] = len(header["materials"])
+            header["materials"].append({"name": json.dumps([k, number, fan])})
+    header["buffers"] = [{"uri": str(k)} for k in range(len(file.buffers))]
     resolver = {str(k): data for k, data in enumerate(file.buffers)}
     text = json.dumps(header).encode()
-    return trimesh.load_scene(BytesIO(text), file_type="gltf", resolver=resolver, process=False)
+    scene = trimesh.load_scene(BytesIO(text), file_type="gltf", resolver=resolver, process=False)
+    for mesh in scene.geometry.values():
+        if len(getattr(mesh, "faces", ())) and json.loads(mesh.visual.material.name)[2]:
+            first, middle, last = mesh.faces.T  # of a strip, every other one turned round
+            last = np.where(np.arange(len(last)) % 2, first, last)
+            mesh.faces = np.column_stack([np.full_like(last, first[0]), middle, last])
+    return scene
 
 
-def _patches(file: GltfFile, loaded: trimesh.Scene, surfaces: Surfaces) -> Patches:
+def _lights(
+    file: GltfFile, loaded: trimesh.Scene, surfaces: Surfaces
+) -> tuple[list[Patches], Sun | None, list[Difference]]:
+    """Return the lamps of a file, its sun, and what of its lights is not as in the file.
+
+    A light of so many candela becomes a ball of as many on the average over directions. The brightest
+    directional light is the sun.
+    """
+    import trimesh
+
+    lamps, suns, unlike = list[Patches](), list[Sun](), list[Difference]()
+    given, ball = extension(file.header, LIGHTS).get("lights", []), trimesh.creation.icosahedron()
+    ball.apply_scale(RADIUS)
+    for k, node in enumerate(file.header.get("nodes", ())):
+        number = extension(node, LIGHTS).get("light")
+        if number is None or str(k) not in loaded.graph.nodes:
+            continue
+        light, matrix, words = given[number], loaded.graph[str(k)][0], ""
+        power = numbers(light.get("color", (1, 1, 1)), 3) * numbers([light.get("intensity", 1)], 1)
+        x, y, z = UPRIGHT @ matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])  # a light looks back along its z
+        if light["type"] != "directional":
+            shining = surfaces.unseen(power / (ball.area / 4))  # Cauchy: a quarter of a surface is seen
+            lamps += [patches_of(ball, trimesh.transformations.translation_matrix(matrix[:3, 3]), shining)]
+            words = "the cone of a spot (it shines to all sides)" if light["type"] == "spot" else ""
+        elif z > 0 and power.any():
+            red, green, blue = (power / power.max()).tolist()
+            azimuth, altitude = math.degrees(math.atan2(x, y)) % 360, math.degrees(math.asin(z))
+            suns.append(Sun(azimuth, altitude, float(power @ REC_709), (red, green, blue)))
+            words = "more than one directional light (the brightest)" if len(suns) > 1 else ""
+        else:
+            words = "a directional light from below (left out)"
+        if words:
+            name = named(light, f"light {number}")
+            unlike.append(Difference(words, name, np.zeros(0, dtype=np.int64)))
+    return lamps, max(suns, key=lambda sun: sun.illuminance, default=None), unlike
+
+
+def _patches(
+    file: GltfFile, loaded: trimesh.Scene, surfaces: Surfaces, lights: list[Patches]
+) -> tuple[Patches, list[Part]]:
+    """Return the pieces of a file, and which of them are whose."""
     placed = [(node, *loaded.graph[node]) for node in loaded.graph.nodes_geometry]
     placed.sort(key=lambda one: (int(one[0].split("_")[0]), one[2]))
     solid = [(matrix, loaded.geometry[name]) for _, matrix, name in placed]
@@ -112,24 +172,29 @@ def _patches(file: GltfFile, loaded: trimesh.Scene, surfaces: Surfaces) -> Patch
         raise InputError(
             f"{file.path}: it has {total} triangles; need {MOST_TRIANGLES} at most, so simplify its meshes"
         )
-    parts, lamps = list[Patches](), 0
+    pieces, parts, first = list(lights), list[Part](), sum(map(len, lights))
     for matrix, mesh in solid:
-        material = getattr(mesh.visual, "material", None)
-        surface = surfaces.of(None if material is None else int(material.name))
-        if surface is None:
-            continue
-        part = patches_of(mesh, matrix, surface)
-        parts += [part, other_sides(part)] if surface.both_sides else [part]
-        lamps += len(part) if surface.emission.any() else 0
-    if not sum(map(len, parts)):
+        number, material, _ = json.loads(mesh.visual.material.name)
+        surface, before = surfaces.of(material), len(pieces)
+        if surface is not None:
+            pieces.append(patches_of(mesh, matrix, surface))
+            if surface.glow is not None:
+                pieces.append(glowing(mesh, matrix, surface.glow))
+            if surface.both_sides:
+                pieces += [other_sides(piece) for piece in pieces[before:]]
+        last = first + sum(map(len, pieces[before:]))
+        parts.append(Part(number, material, np.arange(first, last)))
+        first = last
+    if not sum(map(len, pieces)) > sum(map(len, lights)):
         raise InputError(f"{file.path}: there are no triangles to be seen in it; need a scene of meshes")
+    patches = together(pieces)
+    lamps = int(patches.emission.any(axis=1).sum())
     if lamps > MOST_LAMPS:
         raise InputError(
             f"{file.path}: {lamps} triangles shine; need {MOST_LAMPS} at most, so simplify the lamps"
         )
-    patches = together(parts)
     _check_size(file, patches)
-    return patches
+    return patches, parts
 
 
 def _check_size(file: GltfFile, patches: Patches) -> None:
@@ -169,8 +234,10 @@ def patches_of(mesh: trimesh.Trimesh, matrix: Floats, surface: Surface) -> Patch
     faces = faces[np.linalg.norm(_sides(points[faces]), axis=1) > SMALL]
     corners, n = points[faces], len(faces)
     given = {key: _as_numbers(values)[faces] for key, values in mesh.vertex_attributes.items()}
-    uvs = next((values for key, values in given.items() if "TEXCOORD" in key), np.zeros((n, 3, 2)))
-    colours = given.get("_COLOR_0", np.ones((n, 3, 3)))[..., :3].mean(axis=1).clip(0, 1)
+    uvs = given.get(surface.laid.coordinates, np.zeros((n, 3, 2))) @ surface.laid.matrix[:, :2].T
+    colours = given.get("_COLOR_0", np.ones((n, 3, 3)))[..., :3].clip(0, 1) * surface.tint
+    if surface.emission.any():
+        colours = np.ones((n, 3, 3))
     normals = given["_NORMAL"] @ np.linalg.pinv(turned) if "_NORMAL" in given else np.zeros((n, 3, 3))
     patches = Patches(
         corners[:, 0],
@@ -178,12 +245,36 @@ def patches_of(mesh: trimesh.Trimesh, matrix: Floats, surface: Surface) -> Patch
         corners[:, 2] - corners[:, 0],
         np.ones(n, dtype=np.bool_),
         _unit_normals(normals, _sides(corners)),
-        uvs * [1, -1] + [0, 1],
+        (uvs + surface.laid.matrix[:, 2]) * [1, -1] + [0, 1],
         np.full(n, surface.number),
-        np.ones((n, 3)) if surface.emission.any() else colours * surface.tint,
+        colours.mean(axis=1),
         np.tile(surface.emission, (n, 1)),
+        colours,
     )
     return joined(patches)
+
+
+def glowing(mesh: trimesh.Trimesh, matrix: Floats, glow: Surface) -> Patches:
+    """Return the light of a mesh's emissive texture, as what is laid over the pieces that shine.
+
+    A piece shines with the texture's mean over it, and its texture is drawn over that mean.
+    """
+    assert glow.light is not None
+    patches = patches_of(mesh, matrix, glow)
+    size, sums, counts = len(glow.light), np.zeros((len(patches), 3)), np.zeros((len(patches), 1))
+    for s, t in itertools.product((np.arange(8) + 0.5) / 8, repeat=2):
+        at = patches.uvs[:, 0] + [s, t] @ (patches.uvs[:, 1:] - patches.uvs[:, :1])
+        column, row = (np.floor(at * size).astype(int) % size).T
+        on_it = (~patches.triangle | (s + t < 1))[:, None]
+        sums += on_it * glow.light[size - 1 - row, column]
+        counts += on_it
+    means = sums / counts
+    kept = (means * patches.emission).max(axis=1) > FAINTEST
+    over = 1 / np.maximum(means, 1e-6)
+    shone = replace(
+        patches, emission=means * patches.emission, tint=over, shades=np.repeat(over[:, None], 3, axis=1)
+    )
+    return Patches(*(getattr(shone, name)[kept] for name in Patches.__dataclass_fields__))
 
 
 def _sides(corners: Floats) -> Floats:
@@ -213,15 +304,20 @@ def joined(patches: Patches) -> Patches:
     corners = patches.origin[:, None] + np.stack(
         [np.zeros_like(patches.along), patches.along, patches.across], axis=1
     )
-    fits = np.asarray((np.abs(np.diff(patches.tint, axis=0)) < FLAT).all(axis=1))
-    for values, limit in ((corners, FLAT), (patches.normals, FACETED), (patches.uvs, FLAT)):
+    if not len(patches):
+        return patches
+    assert patches.shades is not None
+    fits = np.ones(len(patches) - 1, dtype=np.bool_)
+    each = (corners, FLAT), (patches.normals, FACETED), (patches.uvs, FLAT), (patches.shades, FLAT)
+    for values, limit in each:
         a, b = values[:-1], values[1:]
         # Both sides of the longest edge, which they share; and the corner that is across from it.
         for gap in (a[:, 1] - b[:, 2], a[:, 2] - b[:, 1], a[:, 1] + a[:, 2] - a[:, 0] - b[:, 0]):
             fits &= (np.abs(gap) < limit).all(axis=1)
     fits[1:] &= ~fits[:-1]
     whole, kept = np.append(fits, [False]), ~np.append([False], fits)
-    fewer = replace(patches, triangle=~whole)
+    tint = np.where(whole[:, None], patches.shades[:, 1:].mean(axis=1), patches.tint)
+    fewer = replace(patches, triangle=~whole, tint=tint)
     return Patches(*(getattr(fewer, name)[kept] for name in Patches.__dataclass_fields__))
 
 
@@ -243,112 +339,5 @@ def other_sides(patches: Patches) -> Patches:
         across=patches.along,
         normals=-patches.normals[:, back],
         uvs=patches.uvs[:, back],
+        shades=None if patches.shades is None else patches.shades[:, back],
     )
-
-
-@dataclass(frozen=True, eq=False)
-class Surface:
-    """What some triangles are made of."""
-
-    number: int  # of its material among those of the file; all white where there is no texture
-    tint: Floats  # (3,): factor of the albedo
-    emission: Floats  # (3,): luminance, linear RGB [cd/m^2]
-    both_sides: bool  # whether it is seen from behind, too
-
-
-class Surfaces:
-    """The materials of a file, each texture once.
-
-    Parameters
-    ----------
-    file : GltfFile
-        Whose.
-    """
-
-    def __init__(self, file: GltfFile) -> None:
-        self._file = file
-        self._materials: dict[tuple[Any, ...], Material] = {}
-        self._pixels = 0
-
-    def materials(self) -> tuple[Material, ...]:
-        """Return those that were asked for."""
-        return tuple(self._materials.values())
-
-    def of(self, number: int | None) -> Surface | None:
-        """Return the surface of a material; None if it is so transparent that it is not there."""
-        entry = {} if number is None else self._file.header["materials"][number]
-        paint = entry.get("pbrMetallicRoughness", {})
-        *tint, opacity = numbers(paint.get("baseColorFactor", (1, 1, 1, 1)), 4).clip(0, 1)
-        mode, texture = entry.get("alphaMode", "OPAQUE"), paint.get("baseColorTexture")
-        emission, cutoff = self._emission(entry), None
-        if mode != "OPAQUE":
-            cutoff = float(entry.get("alphaCutoff", THERE)) if mode == "MASK" else THERE
-            if texture is None and opacity < cutoff:
-                return None
-            cutoff /= max(opacity, 1e-9)
-        if emission.any():
-            texture, cutoff, tint = None, None, [1, 1, 1]
-        gloss = round(1 - float(np.clip(paint.get("roughnessFactor", 1), 0, 1)), 1)
-        if emission.any() or "metallicRoughnessTexture" in paint:  # which says that the factor is not all
-            gloss = 0.0
-        key = self._key(texture, cutoff, gloss)
-        both = bool(entry.get("doubleSided", False)) and not self._materials[key].cutout
-        return Surface(list(self._materials).index(key), np.array(tint), emission, both)
-
-    def _emission(self, entry: dict[str, Any]) -> Floats:
-        strength = entry.get("extensions", {}).get("KHR_materials_emissive_strength", {})
-        emission = numbers(entry.get("emissiveFactor", (0, 0, 0)), 3) * numbers(
-            [strength.get("emissiveStrength", 1)], 1
-        )
-        if emission.any() and "emissiveTexture" in entry:
-            picture = self._file.image(entry["emissiveTexture"]["index"])
-            emission = emission * [_linear(picture, k).mean(dtype=float) for k in range(3)]
-        return np.asarray(emission)
-
-    def _key(self, texture: dict[str, Any] | None, cutoff: float | None, gloss: float) -> tuple[Any, ...]:
-        from PIL import Image
-
-        source = None if texture is None else self._file.header["textures"][texture["index"]]["source"]
-        key = source, cutoff, gloss
-        if key not in self._materials:
-            if len(self._materials) >= MOST_TEXTURES:
-                raise InputError(
-                    f"{self._file.path}: it has more than {MOST_TEXTURES} textures; put some into one image"
-                )
-            white = Image.new("RGBA", (1, 1), "white")
-            image = white if texture is None else self._file.image(texture["index"])
-            self._pixels += image.width * image.height
-            require_size(self._pixels, MOST_SCENE_PIXELS, self._file.path, "pixels in its textures")
-            if cutoff is not None and np.asarray(image)[..., 3].min() / 255 >= cutoff:
-                cutoff = None
-            # A partial function, which the cache of textures leaves alone: its name does not tell the image.
-            made = partial(_resampled, image, cutoff)
-            self._materials[key] = Material(f"image {key}", made, 1.0, gloss, cutoff is not None)
-        return key
-
-
-def numbers(values: Any, count: int) -> Floats:
-    """Return so many numbers of 0 or above."""
-    found = np.asarray(values, dtype=float)
-    if found.shape != (count,) or not (np.isfinite(found) & (found >= 0)).all():
-        raise ValueError(f"need {count} numbers of 0 or above for a colour, got {values}")
-    return found
-
-
-def _resampled(
-    image: Image, cutoff: float | None, rng: np.random.Generator, size: int
-) -> NDArray[np.float32]:
-    """Return an image as a texture of some size: albedo in linear light, and with a cutoff what is there."""
-    from PIL import Image as Images
-
-    channels = [Images.fromarray(_linear(image, k)) for k in range(3)]
-    if cutoff is not None:
-        channels.append(
-            Images.fromarray((cutoff <= SHARES).astype(np.float32)[np.asarray(image.getchannel(3))])
-        )
-    sized = [np.asarray(channel.resize((size, size), Images.Resampling.BILINEAR)) for channel in channels]
-    return np.asarray(np.clip(np.stack(sized, axis=2), 0, 1), dtype=np.float32)
-
-
-def _linear(image: Image, channel: int) -> NDArray[np.float32]:
-    return np.asarray(LIGHT[np.asarray(image.getchannel(channel))])

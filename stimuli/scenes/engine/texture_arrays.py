@@ -1,0 +1,69 @@
+"""The textures of a scene on the graphics card: those of one size and kind are layers of one array."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from evenlight.stimuli.scenes.engine import graphics
+from evenlight.stimuli.scenes.engine.material_textures import MaterialTextures
+from evenlight.stimuli.scenes.engine.scene import Scene
+
+if TYPE_CHECKING:
+    import moderngl
+
+ALBEDO, CUTOFFS = 0, 5  # texture units
+
+
+class TextureArrays:
+    """The textures of a scene's materials; the card filters images with an anisotropy."""
+
+    def __init__(
+        self, context: moderngl.Context, scene: Scene, textures: MaterialTextures, anisotropy: float
+    ) -> None:
+        self.layers = np.zeros((len(scene.materials), 1))  # of each material, in its array
+        self._arrays: list[tuple[moderngl.TextureArray, moderngl.Texture]] = []
+        array_of = np.zeros(len(scene.materials), dtype=np.int64)
+        kinds: dict[object, list[int]] = {}
+        for k, (material, codes) in enumerate(zip(scene.materials, textures.codes, strict=True)):
+            sampling = material.sampling
+            kind = sampling and (sampling.clamped, sampling.nearest)
+            kinds.setdefault((codes.shape, kind), []).append(k)
+        for number, members in enumerate(kinds.values()):
+            array_of[members], self.layers[members, 0] = number, np.arange(len(members))
+            height, width = textures.codes[members[0]].shape[:2]
+            array = context.texture_array((width, height, len(members)), 4)
+            for layer, k in enumerate(members):
+                array.write(textures.codes[k].tobytes(), viewport=(0, 0, layer, width, height, 1))
+            array.build_mipmaps()
+            sampling = scene.materials[members[0]].sampling
+            near = graphics.NEAREST if sampling and sampling.nearest else graphics.LINEAR
+            own = sampling and anisotropy == 1  # finer than needed: one copy is enough, at 4/5 of the time
+            array.filter = graphics.LINEAR_MIPMAP_NEAREST if own else graphics.LINEAR_MIPMAP_LINEAR, near
+            if sampling:
+                array.anisotropy = anisotropy
+                array.repeat_x, array.repeat_y = (not clamped for clamped in sampling.clamped)
+            cut = textures.cutoffs[members].astype("f4")
+            cutoffs = context.texture(cut.shape[::-1], 1, cut.tobytes(), dtype="f4")
+            cutoffs.repeat_x = False
+            self._arrays.append((array, cutoffs))
+        self._array_of = array_of[scene.patches.material]
+
+    def use(self, number: int) -> None:
+        """Let shaders see an array."""
+        array, cutoffs = self._arrays[number]
+        array.use(ALBEDO)
+        cutoffs.use(CUTOFFS)
+
+    def runs(self, patches: NDArray[np.int64], sort: bool) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        """Yield patches in runs of one array, with its number: as they come, or sorted by it."""
+        number = self._array_of[patches]
+        if sort and len(self._arrays) > 1:
+            order = np.argsort(number, kind="stable")
+            patches, number = patches[order], number[order]
+        for run in np.split(patches, np.flatnonzero(np.diff(number)) + 1):
+            if len(run):
+                yield int(self._array_of[run[0]]), run

@@ -1,0 +1,56 @@
+"""How large the images of a scene may be on the graphics card: as they are, while they fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from evenlight.stimuli.scenes.engine.camera import NEAR
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.stimuli.scenes.engine.scene import Difference, Floats, Scene
+
+MOST_TEXELS = 1 << 27  # of all images of a scene: 512 MiB, and a third more for their smaller copies
+LARGEST_SIDE = 8192  # [texels] that all graphics cards take
+MOMENTS = 64  # of a path, at which it is looked how near it comes
+
+
+def with_images_that_fit(scene: Scene, path: CameraPath) -> Scene:
+    """Return a scene whose images fit into memory, those that are made smaller among its differences.
+
+    That one is halved, again and again, of which the path shows most texels per degree from nearest.
+    """
+    sizes = np.array([m.sampling.size if m.sampling else (1, 1) for m in scene.materials])
+    given, finest = sizes.copy(), np.zeros(0)
+    while sizes.prod(axis=1).sum() > MOST_TEXELS or sizes.max() > LARGEST_SIDE:
+        finest = finest if len(finest) else _texels_per_degree(scene, path, sizes)
+        k = np.argmax(
+            np.where(sizes.max(axis=1) > LARGEST_SIDE, np.inf, np.where(sizes.max(axis=1) > 1, finest, 0))
+        )
+        sizes[k], finest[k] = np.maximum(sizes[k] // 2, 1), finest[k] / 2
+    materials, unlike = list(scene.materials), list(scene.unlike)
+    for k in np.flatnonzero((sizes != given).any(axis=1)):
+        (w, h), own = sizes[k].tolist(), scene.materials[k].sampling
+        assert own
+        materials[k] = replace(scene.materials[k], sampling=replace(own, size=(w, h)))
+        was = f"an image of {own.size[0]}x{own.size[1]} made smaller, {w}x{h}, to fit into memory"
+        where = np.flatnonzero(scene.patches.material == k)
+        unlike.append(Difference(f"{was} ({finest[k]:.3g} texels/°)", own.image, where))
+    return replace(scene, materials=tuple(materials), unlike=tuple(unlike))
+
+
+def _texels_per_degree(scene: Scene, path: CameraPath, sizes: np.ndarray) -> Floats:
+    """Return the texels per degree of each material's image where the path comes nearest, (m,)."""
+    patches = scene.patches
+    area = np.linalg.norm(np.cross(patches.along, patches.across), axis=1)
+    repeats = np.abs(np.linalg.det(patches.uvs[:, 1:] - patches.uvs[:, :1]))
+    middle, away = patches.along + patches.across, np.full(len(patches), np.inf)
+    for time in np.linspace(0, path.duration, MOMENTS):
+        eye = path.position(float(time))
+        away = np.minimum(away, np.linalg.norm(patches.origin + middle / 2 - eye, axis=1))
+    away = np.maximum(away - np.linalg.norm(middle, axis=1) / 2, NEAR)
+    texels = np.sqrt(repeats * sizes.prod(axis=1)[patches.material] / area)  # for each metre
+    found = np.full(len(sizes), np.inf)
+    np.minimum.at(found, patches.material, texels * away * math.pi / 180)
+    return found
