@@ -25,6 +25,7 @@ def demo(
 ) -> None:
     """See the whole loop, small: simulated calibration, rate limit, a track, a report."""
     from evenlight.analysis.tracks.closed_loop import close_loop
+    from evenlight.analysis.tracks.first_page import first_page
     from evenlight.data_schema.storage.result_folders import result_folder
     from evenlight.experiments.simulate_command import simulate
     from evenlight.stimuli.sequences import built_in_sequence
@@ -34,7 +35,8 @@ def demo(
     with result_folder(out, "demo", force=force) as folder:
         simulate("ramp", folder / DATASET, participants, seed, quiet=True)
         sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
-        close_loop(folder / DATASET, sunrise, budget, folder, quiet)
+        summary = close_loop(folder / DATASET, sunrise, budget, folder, quiet)
+    typer.echo("\n".join(first_page(summary)))
     if not quiet:
         typer.echo(
             f"{out / 'report.html'} tells the whole loop, with simulated participants; "

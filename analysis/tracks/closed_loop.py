@@ -55,8 +55,10 @@ FILES = {
 }
 
 
-def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, quiet: bool = False) -> None:
-    """Fit a data set, optimize a video within the rate limit that comes out, and report both.
+def close_loop(
+    dataset: Path, source: VideoSource, budget: float, folder: Path, quiet: bool = False
+) -> OptimizationSummary:
+    """Fit a data set, optimize a video within the rate limit that comes out, report both; return the track's.
 
     Parameters
     ----------
@@ -80,6 +82,7 @@ def close_loop(dataset: Path, source: VideoSource, budget: float, folder: Path, 
     job = OptimizationJob(source, display, request, calm=DEFAULT_CALM, player=True, price=True, quiet=quiet)
     summary = run_optimization(job, folder / TRACK)
     write_report(folder / REPORT, _report(calibration, found, summary, origin, folder))
+    return summary
 
 
 def _report(

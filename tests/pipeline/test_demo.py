@@ -10,6 +10,7 @@ from PIL import Image
 from report_pages import faults_at
 
 from evenlight import command as command_line
+from evenlight.analysis.tracks.first_page import first_page
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.mapping import sha256_of_record
 from evenlight.data_schema.provenance import sha256_of_file
@@ -101,7 +102,7 @@ def test_everything_validates(folder, command) -> None:
     assert command("validate", folder / "track").code == 0
 
 
-def test_a_second_demo_may_take_the_place_of_the_first(folder, monkeypatch) -> None:
+def test_a_second_demo_may_take_the_place_of_the_first(folder, monkeypatch, capsys) -> None:
     """Of a smaller video: what is shown of the first is in the tests above."""
     shorter = built_in_sequence("sunrise", size=(64, 36), duration=4.0, frames_per_second=5.0)
     monkeypatch.setattr("evenlight.stimuli.sequences.built_in_sequence", lambda name, **_: shorter)
@@ -109,6 +110,7 @@ def test_a_second_demo_may_take_the_place_of_the_first(folder, monkeypatch) -> N
     with pytest.raises(SystemExit) as ended:
         command_line.main(["demo", "--out", str(folder), "--participants", "2", "--seed", "3", "--quiet"])
     assert not ended.value.code
+    assert capsys.readouterr().out.splitlines() == [*first_page(limit_and_summary(folder)[1])]
     assert sha256_of_file(folder / "calibration" / "thresholds.csv") != before
     assert len(list((folder / "dataset").glob("sub-*"))) == 2
 
