@@ -132,7 +132,7 @@ def _headset_of(request: SessionRequest) -> AbstractContextManager[HeadsetWindow
     if not request.rig.in_headset or request.staging.simulation == "data":
         return nullcontext()
     waits = not request.staging.simulated or request.staging.real_time
-    return open_headset(request.rig, waits=waits)
+    return open_headset(request.rig, waits=waits, gaze=True)
 
 
 def _run(

@@ -67,7 +67,7 @@ def open_window(
     return window
 
 
-def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetWindow:
+def open_headset(rig: Rig, *, waits: bool = True, gaze: bool = False) -> HeadsetWindow:
     """Return the rig's headset, open but for its first frame: at the OpenXR runtime, or a made-up one.
 
     Parameters
@@ -78,6 +78,8 @@ def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetWindow:
     waits : bool, optional
         Whether frames of a made-up one take their time; else its clock goes with the frames. Those of a
         runtime always do.
+    gaze : bool, optional
+        Whether its runtime is asked where the eyes look, for a log.
 
     Raises
     ------
@@ -91,7 +93,7 @@ def open_headset(rig: Rig, *, waits: bool = True) -> HeadsetWindow:
         return SimulatedHeadset(eye_size or EYE_SIZE, rig.refresh_rate, real_time=waits)
     from evenlight.hardware.presentation.openxr_headset import OpenXRHeadset
 
-    return OpenXRHeadset(eye_size)
+    return OpenXRHeadset(eye_size, gaze=gaze)
 
 
 def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, Display]:

@@ -34,11 +34,20 @@ class HeadsetLog:
     visible: tuple[bool, ...] = described("whether the runtime showed what was drawn")
     focused: tuple[bool, ...] = described("whether the headset was worn, and nothing of the system in front")
     tracked: tuple[bool, ...] = described("whether the head's orientation was known")
+    gaze_right: tuple[float, ...] = quantity(
+        "1",
+        "where the eyes looked, in the axes of the head's place: unit vector, part to the right; all parts "
+        "are 0 where that was not known, and the lists empty if it never was",
+        default=(),
+    )
+    gaze_up: tuple[float, ...] = quantity("1", "the same, upwards", default=())
+    gaze_back: tuple[float, ...] = quantity("1", "the same, backwards", default=())
 
     def __post_init__(self) -> None:
         n = len(self.display_times)
-        lists = (getattr(self, field.name) for field in dataclasses.fields(self)[4:])
-        if any(len(each) != n for each in lists):
+        lists = [getattr(self, field.name) for field in dataclasses.fields(self)[4:]]
+        gaze = lists[-3:] if any(lists[-3:]) else []
+        if any(len(each) != n for each in (*lists[:-3], *gaze)):
             raise ValueError(f"the lists of a headset log must be equally long, got {n} display_times")
 
     def __repr__(self) -> str:

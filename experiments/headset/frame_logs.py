@@ -34,6 +34,8 @@ def _log(
 ) -> HeadsetLog:
     right, up, back = _columns([frame.head.position for frame in frames], 3)
     x, y, z, w = _columns([frame.head.orientation for frame in frames], 4)
+    known = any(frame.gaze for frame in frames)
+    gaze = _columns([frame.gaze or (0.0, 0.0, 0.0) for frame in frames if known], 3)
     return HeadsetLog(
         trial_index=place.trial_index,
         attempt=place.attempt,
@@ -51,6 +53,9 @@ def _log(
         visible=tuple(frame.visible for frame in frames),
         focused=tuple(frame.focused for frame in frames),
         tracked=tuple(frame.tracked for frame in frames),
+        gaze_right=gaze[0],
+        gaze_up=gaze[1],
+        gaze_back=gaze[2],
     )
 
 

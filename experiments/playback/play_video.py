@@ -84,7 +84,10 @@ def play_video(film: FilmOptions, options: VersionOptions, headset: HeadsetOptio
             typer.echo(f"showing {words}")
 
     any_rate = film.rig is None
-    with open_devices(asked.rig, asked.display, simulated=film.simulate, any_rate=any_rate) as devices:
+    devices_open = open_devices(
+        asked.rig, asked.display, simulated=film.simulate, any_rate=any_rate, gaze=options.log is not None
+    )
+    with devices_open as devices:
         if not film.quiet:
             typer.echo(asked.shown_on(devices))
         player = Player(devices, playback, say)

@@ -66,6 +66,7 @@ HEAD_COLUMNS = (
     "refreshes_missed_by_runtime",
     "recentred",
 )
+GAZE_COLUMNS = tuple(f"gaze_{axis}" for axis in ("right", "up", "back"))  # of a unit vector, if ever known
 NEXT, MENU = "trigger", "menu"  # of a controller
 LOG_SUFFIXES = (".csv", ".jsonl")
 
@@ -122,6 +123,7 @@ def open_devices(
     simulated: bool,
     any_rate: bool,
     noted: Callable[[BacklightSetting], None] | None = None,
+    gaze: bool = False,
 ) -> Iterator[PlaybackDevices]:
     """Yield the devices of a rig, open.
 
@@ -137,10 +139,12 @@ def open_devices(
         Whether the rig takes the refresh rate that the window is found to have.
     noted : callable, optional
         Is told every setting of the backlight.
+    gaze : bool, optional
+        Whether a headset's runtime is asked where the eyes look, for a log.
     """
     with ExitStack() as stack:
         if rig.in_headset:
-            headset = stack.enter_context(open_headset(rig, waits=not simulated))
+            headset = stack.enter_context(open_headset(rig, waits=not simulated, gaze=gaze))
             rig, display = with_headset(rig, display, headset.facts())
             clock = RefreshClock(rig.refresh_rate) if simulated else None
             window: Window = open_window(rig, clock, rehearsal=simulated, headset=headset)
@@ -294,12 +298,15 @@ def write_log(
 
     `refreshes_dropped` counts those that passed without a new frame right before a refresh;
     `pixels_per_degree` is that of the video as it was shown, empty if not known. Of a headset there are
-    `HEAD_COLUMNS` too; its flips are the display times that the runtime predicts.
+    `HEAD_COLUMNS` too, and `GAZE_COLUMNS` if it was ever known where the eyes look; its flips are the display
+    times that the runtime predicts.
     """
     in_headset = any(one.heads for one in passes)
     columns = (*LOG_COLUMNS, *HEAD_COLUMNS) if in_headset else LOG_COLUMNS
+    if any(head.gaze for one in passes for head in one.heads):
+        columns = (*columns, *GAZE_COLUMNS)
     rows = [
-        [*row, pixels_per_degree, *(_head_cells(head) if in_headset else ())]
+        [*row, pixels_per_degree, *_head_cells(head)][: len(columns)]
         for number, one in enumerate(passes, start=1)
         for row, head in zip_longest(_rows(number, one, refresh_rate), one.heads)
     ]
@@ -321,8 +328,8 @@ def _rows(number: int, one: Pass, refresh_rate: float) -> Iterator[list[Any]]:
 
 
 def _head_cells(shown: ShownFrame | None) -> list[Any]:
-    """Return what a runtime says of a refresh, for `HEAD_COLUMNS`; nothing of one that was interrupted."""
+    """Return what a runtime says of a refresh, for both columns; nothing of one that was interrupted."""
     if shown is None:
-        return [None] * len(HEAD_COLUMNS)
+        return [None] * len(HEAD_COLUMNS + GAZE_COLUMNS)
     said = shown.tracked, shown.focused, shown.visible, shown.late, shown.recentred
-    return [*shown.head.position, *shown.head.orientation, *said]
+    return [*shown.head.position, *shown.head.orientation, *said, *(shown.gaze or 3 * [None])]

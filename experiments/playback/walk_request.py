@@ -185,7 +185,8 @@ def _walked(
     if rig.in_headset and walk.field_of_view is not None:
         raise InputError("--field-of-view is of a window: what a headset spans its runtime says")
     with ExitStack() as stack:
-        opened = open_devices(rig, display, simulated=walk.simulate, any_rate=walk.rig is None)
+        any_rate, gaze = walk.rig is None, walk.log is not None
+        opened = open_devices(rig, display, simulated=walk.simulate, any_rate=any_rate, gaze=gaze)
         devices = stack.enter_context(opened)
         given, window = (devices, walk.scene, walk.factor or 1.0, walk.screenshots), devices.window
         shown = HeadsetWalk(*given) if rig.in_headset else Walk(*given, _drawn_field_of_view(walk))

@@ -63,11 +63,13 @@ class HeadsetFrame:
     visible: bool  # whether the runtime will show it; if not, nothing need be drawn
     tracked: bool  # whether the head's orientation is known; if not, the views are the last known ones
     recentred: bool = False  # whether the axes are others than those of the frame before
+    gaze: Pose | None = None  # from between the eyes to where they look, if that is known
 
     def since(self, origin: Pose) -> HeadsetFrame:
         """Return the frame in the axes of an origin that `level` gave."""
         left, right = (replace(eye, pose=_since(eye.pose, origin)) for eye in self.eyes)
-        return replace(self, eyes=(left, right), head=_since(self.head, origin))
+        gaze = None if self.gaze is None else _since(self.gaze, origin)
+        return replace(self, eyes=(left, right), head=_since(self.head, origin), gaze=gaze)
 
 
 @dataclass(frozen=True, slots=True)
@@ -162,6 +164,12 @@ def rotation(pose: Pose) -> NDArray[np.float64]:
     )
 
 
+def forward(pose: Pose) -> tuple[float, float, float]:
+    """Return where something points, as a unit vector: right, up, back."""
+    right, up, back = (rotation(pose) @ [0.0, 0.0, -1.0] + 0.0).tolist()  # no minus zero
+    return right, up, back
+
+
 def level(head: Pose) -> Pose:
     """Return where a head is and the direction that it points in, without its nod and its tilt.
 
@@ -169,8 +177,8 @@ def level(head: Pose) -> Pose:
     >>> level(nodding)
     Pose(position=(0.1, 1.6, 0.2), orientation=(0.0, 0.0, 0.0, 1.0))
     """
-    ahead, _, back = (rotation(head) @ [0.0, 0.0, -1.0]).tolist()
-    half = math.atan2(-ahead, -back) / 2
+    right, _, back = forward(head)
+    half = math.atan2(-right, -back) / 2
     return Pose(head.position, (0.0, math.sin(half) + 0.0, 0.0, math.cos(half)))  # no minus zero
 
 

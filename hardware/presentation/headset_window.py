@@ -18,6 +18,7 @@ from evenlight.hardware.presentation.headset_views import (
     HeadsetFrame,
     Pose,
     centre_pixels_per_degree,
+    forward,
     level,
     seen_pixels,
 )
@@ -49,6 +50,7 @@ class ShownFrame:
     focused: bool  # whether the headset was worn, and nothing of the system in front
     tracked: bool  # whether the head's orientation was known
     recentred: bool = False  # whether the axes are others than those of the frame before
+    gaze: tuple[float, float, float] | None = None  # where the eyes look: right, up, back; None if not known
 
 
 class HeadsetWindow(ContextDevice, ABC):
@@ -298,7 +300,8 @@ class HeadsetWindow(ContextDevice, ABC):
         refresh = min(frame.period, 1 / self.facts().refresh_rate)
         missed = 0 if self._last is None else round((shown - self._last) / refresh) - 1
         self._last = shown
-        state = frame.visible, self.focused(), frame.tracked, frame.recentred
+        gaze = None if frame.gaze is None else forward(frame.gaze)
+        state = frame.visible, self.focused(), frame.tracked, frame.recentred, gaze
         self._shown.append(ShownFrame(shown, frame.period, max(missed, 0), frame.head, *state))
 
 

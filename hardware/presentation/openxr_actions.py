@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import TYPE_CHECKING, Any
 
 from evenlight.hardware.presentation.headset_window import MENU_HELD
-from evenlight.hardware.presentation.openxr_runtime import NANOSECOND, VARJO_CONTROLLER
+from evenlight.hardware.presentation.openxr_runtime import GAZE, NANOSECOND, VARJO_CONTROLLER
 from evenlight.hardware.protocols import KeyPress
 
 if TYPE_CHECKING:
@@ -110,6 +110,14 @@ class Controllers:
         for profile in PROFILES:
             if profile != VARJO or runtime.offers(VARJO_CONTROLLER):
                 self._suggest(profile)
+        self.gaze: Any = None  # the space that is where the eyes look
+        if runtime.offers(GAZE):
+            look = self._action("gaze", "Where the eyes look", kinds.POSE_INPUT)
+            self._bind("ext/eye_gaze_interaction", [(look, "/user/eyes_ext/input/gaze_ext/pose")])
+            here = xr.Posef(xr.Quaternionf(0.0, 0.0, 0.0, 1.0))
+            self.gaze = xr.create_action_space(
+                session, xr.ActionSpaceCreateInfo(action=look, pose_in_action_space=here)
+            )
         xr.attach_session_action_sets(session, xr.SessionActionSetsAttachInfo(action_sets=[self._set]))
 
     def sync(self, now: float) -> None:
@@ -158,20 +166,23 @@ class Controllers:
 
     def _suggest(self, profile: str) -> None:
         """Say which parts of a kind of controller act; runtimes that do not know it skip it."""
-        xr, (trigger, menus, stick) = self._xr, PROFILES[profile]
-        bindings = []
+        bindings, (trigger, menus, stick) = list[tuple[Any, str]](), PROFILES[profile]
         for hand, menu in zip(HANDS, menus, strict=True):
             parts = ((self._buttons["trigger"], trigger), (self._buttons["menu"], menu), (self._stick, stick))
-            for action, part in parts:
-                if part:
-                    path = xr.string_to_path(self._instance, f"/user/hand/{hand}/input/{part}")
-                    bindings.append(xr.ActionSuggestedBinding(action, path))
+            bindings += [(action, f"/user/hand/{hand}/input/{part}") for action, part in parts if part]
+        self._bind(profile, bindings)
+
+    def _bind(self, profile: str, bindings: Sequence[tuple[Any, str]]) -> None:
+        xr, instance = self._xr, self._instance
         suggested = xr.InteractionProfileSuggestedBinding(
-            interaction_profile=xr.string_to_path(self._instance, f"/interaction_profiles/{profile}"),
-            suggested_bindings=bindings,
+            interaction_profile=xr.string_to_path(instance, f"/interaction_profiles/{profile}"),
+            suggested_bindings=[
+                xr.ActionSuggestedBinding(action, xr.string_to_path(instance, path))
+                for action, path in bindings
+            ],
         )
         with suppress(xr.exception.PathUnsupportedError):
-            xr.suggest_interaction_profile_bindings(self._instance, suggested)
+            xr.suggest_interaction_profile_bindings(instance, suggested)
 
     def _note(self, edge: str, name: str, far: float, changed: int) -> None:
         if self._edges[edge].pressed(far):

@@ -42,6 +42,8 @@ class OpenXRHeadset(HeadsetWindow):
     ----------
     eye_size : (int, int), optional
         Width and height of each eye's picture, in place of what the runtime recommends [pixels].
+    gaze : bool, optional
+        Whether it is asked where the eyes look, if the runtime offers that.
 
     Raises
     ------
@@ -54,7 +56,7 @@ class OpenXRHeadset(HeadsetWindow):
 
     mirror: MirrorWindow
 
-    def __init__(self, eye_size: tuple[int, int] | None = None) -> None:
+    def __init__(self, eye_size: tuple[int, int] | None = None, *, gaze: bool = False) -> None:
         super().__init__()
         self._name = "headset"
         self._running = False  # between the runtime's READY and STOPPING
@@ -66,7 +68,7 @@ class OpenXRHeadset(HeadsetWindow):
         self._views: Any = ()
         self._unseen: moderngl.Framebuffer | None = None
         with ExitStack() as opened:
-            self._runtime = opened.enter_context(closing(OpenXRRuntime(openxr_library())))
+            self._runtime = opened.enter_context(closing(OpenXRRuntime(openxr_library(), gaze=gaze)))
             self._xr = self._runtime.xr
             self._state = self._xr.SessionState.IDLE
             with self._runtime.talking():
@@ -99,6 +101,7 @@ class OpenXRHeadset(HeadsetWindow):
             **{name: metadata.version(name) for name in ("pyopenxr", "glfw", "moderngl")},
             "renderer": info["GL_RENDERER"],
             "opengl": info["GL_VERSION"],
+            "eye_gaze": "asked for" if self._controllers.gaze else "not asked for, or not offered",
             "graphics_binding": "EGL" if self._runtime.offers(EGL) else "the system's OpenGL",
             **{f"controller_{hand}": name for hand, name in zip(HANDS, names, strict=True)},
         }
@@ -134,7 +137,7 @@ class OpenXRHeadset(HeadsetWindow):
             frame = self._framed(visible=bool(state.should_render), tracked=tracked)
             recentred = self._recentred_at is not None and self._due >= self._recentred_at
             self._recentred_at = None if recentred else self._recentred_at
-            return replace(frame, recentred=recentred)
+            return replace(frame, recentred=recentred, gaze=self._gaze())
 
     def picture(self) -> moderngl.Framebuffer:
         """Return the picture of the frame; one that is not visible goes to a picture of its own."""
@@ -350,6 +353,17 @@ class OpenXRHeadset(HeadsetWindow):
         left, right = (EyePose(_pose(view.pose), _fov(view.fov)) for view in views)
         self._views, self._eyes, self._head = views, (left, right), head
         return bits.ORIENTATION_TRACKED_BIT in flags
+
+    def _gaze(self) -> Pose | None:
+        """Return where the eyes look, as the runtime knows it for the frame; None while it does not."""
+        xr, flags = self._xr, self._xr.SpaceLocationFlags
+        if self._controllers.gaze is None:
+            return None
+        with suppress(xr.exception.XrException):
+            found = xr.locate_space(self._controllers.gaze, self._space, self._due)
+            tracked = flags.ORIENTATION_TRACKED_BIT in flags(found.location_flags)
+            return _pose(found.pose) if tracked and _is_pose(_pose(found.pose)) else None
+        return None
 
 
 def _as(event: Any, kind: Any) -> Any:

@@ -25,8 +25,9 @@ REFRESH_RATES = "XR_FB_display_refresh_rate"
 PRESENCE = "XR_EXT_user_presence"
 OPENGL, EGL = "XR_KHR_opengl_enable", "XR_MNDX_egl_enable"
 HIDDEN_AREA = "XR_KHR_visibility_mask"
+GAZE = "XR_EXT_eye_gaze_interaction"
 VARJO_CONTROLLER = "XR_VARJO_xr4_controller_interaction"
-OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER, HIDDEN_AREA)
+OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER, HIDDEN_AREA, GAZE)
 
 
 def openxr_library() -> Any:
@@ -114,6 +115,8 @@ class OpenXRRuntime:
     ----------
     xr : module
         pyopenxr, of `openxr_library`.
+    gaze : bool, optional
+        Whether it may be asked where the eyes look.
 
     Raises
     ------
@@ -123,9 +126,9 @@ class OpenXRRuntime:
         If it has no headset.
     """
 
-    def __init__(self, xr: Any) -> None:
+    def __init__(self, xr: Any, *, gaze: bool = False) -> None:
         self.xr = xr = Library(xr)
-        self._offered = self._extensions()
+        self._offered = self._extensions() - (set() if gaze else {GAZE})
         clock = CLOCKS.get(sys.platform, TIMESPEC)
         for needed in (OPENGL, clock):
             if needed not in self._offered:

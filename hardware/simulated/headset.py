@@ -56,6 +56,7 @@ class HeadsetScript:
     """What happens to a simulated headset; times are on its clock [s]."""
 
     head: Callable[[float], Pose] = gentle_motion  # at a time
+    gaze: Callable[[float], Pose | None] = lambda _: None  # from between the eyes to where they look
     stick: Callable[[float], tuple[float, float]] = lambda _: (0.0, 0.0)
     presses: Sequence[KeyPress] = ()  # of controllers, in order
     unfocused: Sequence[Span] = ()  # while it is taken off, or a menu of the system is in front
@@ -212,7 +213,8 @@ class SimulatedHeadset(HeadsetWindow):
         visible = not _within(self.script.invisible, shown)
         recentred = any(self._appeared < time <= shown for time in self.script.recentred)
         self._appeared = shown
-        return HeadsetFrame(shown, 1 / self._rate, self._eyes(head), head, visible, tracked, recentred)
+        state = visible, tracked, recentred, self.script.gaze(shown)
+        return HeadsetFrame(shown, 1 / self._rate, self._eyes(head), head, *state)
 
     def _eyes(self, head: Pose) -> tuple[EyePose, EyePose]:
         wide, narrow, up, down = map(math.radians, (OUTWARDS, INWARDS, UPWARDS, DOWNWARDS))

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from evenlight.hardware.presentation.headset_views import EyePose, HeadsetFrame, Pose, rotation
+from evenlight.hardware.presentation.headset_views import EyePose, HeadsetFrame, Pose, forward, rotation
 from evenlight.stimuli.scenes.engine.camera import EyeView
 from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
 
@@ -49,7 +49,7 @@ def head_direction(head: Pose) -> tuple[float, float]:
     >>> head_direction(Pose())
     (0.0, 0.0)
     """
-    right, up, back = (rotation(head) @ [0.0, 0.0, -1.0] + 0.0).tolist()  # no minus zero
+    right, up, back = forward(head)
     return math.degrees(math.atan2(right, -back)), math.degrees(math.asin(min(max(up, -1.0), 1.0)))
 
 

@@ -25,6 +25,7 @@ from scipy.spatial.transform import Rotation
 from evenlight.experiments.playback import player
 from evenlight.experiments.playback.play_video import VideoRequest
 from evenlight.experiments.playback.player import (
+    GAZE_COLUMNS,
     HEAD_COLUMNS,
     LOG_COLUMNS,
     Dimming,
@@ -73,7 +74,7 @@ def opened(monkeypatch: pytest.MonkeyPatch):
 
     def opening(script: HeadsetScript, simulated: bool = True, real_time: bool = False) -> PlaybackDevices:
         headset = SimulatedHeadset(EYE_SIZE, script=script, real_time=real_time)
-        monkeypatch.setattr(player, "open_headset", lambda rig, waits: headset)
+        monkeypatch.setattr(player, "open_headset", lambda rig, **_: headset)
         devices = open_devices(RIG, DISPLAY, simulated=simulated, any_rate=False)
         stack.append(devices)
         return devices.__enter__()
@@ -234,6 +235,11 @@ def test_the_log_has_the_heads_pose_at_each_refresh(sequence: SceneSequence, ope
     cut = list(csv.DictReader((tmp_path / "cut.csv").read_text().splitlines()))
     assert cut[:-1] == rows[:-1]
     assert [cut[-1][name] for name in HEAD_COLUMNS] == [""] * len(HEAD_COLUMNS)
+    gaze = replace(one, heads=(replace(one.heads[0], gaze=(0.0, 0.6, -0.8)), *one.heads[1:]))
+    write_log(tmp_path / "gaze.csv", [gaze], 90.0, 5.0)
+    eyes = list(csv.DictReader((tmp_path / "gaze.csv").read_text().splitlines()))
+    assert tuple(eyes[0]) == (*LOG_COLUMNS, *HEAD_COLUMNS, *GAZE_COLUMNS)
+    assert [list(row.values())[-3:] for row in eyes[:2]] == [["0.0", "0.6", "-0.8"], ["", "", ""]]
 
 
 def test_a_film_stands_before_the_head_wherever_the_runtimes_axes_begin(opened) -> None:

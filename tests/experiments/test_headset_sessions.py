@@ -223,6 +223,23 @@ def test_each_shown_frame_is_logged_with_the_head_at_its_time(stored: Laboratory
         assert first["display_times_s"][0] == pytest.approx(trial["onset_s"], abs=1e-6)
 
 
+def test_where_the_eyes_look_is_logged_in_the_axes_of_the_head(lab: Laboratory, stored: Laboratory) -> None:
+    """They look 45 degrees to the right of where the head looks, and blink."""
+    turned = Pose(orientation=(0.0, math.sin(math.pi / 3), 0.0, 0.5))  # by 120 degrees, to the left
+    aside = Pose(orientation=(0.0, math.sin(math.radians(37.5)), 0.0, math.cos(math.radians(37.5))))  # by 75
+    script = HeadsetScript(
+        head=lambda _: turned, gaze=lambda when: aside if when % 0.5 < 0.4 else None, presses=EAGER
+    )
+    assert lab.run(script=script).status is SessionStatus.COMPLETE
+    looks = {
+        tuple(np.round(look, 5))
+        for log in lab.rows(HEADSET)
+        for look in zip(*(log[f"gaze_{axis}"] for axis in ("right", "up", "back")), strict=True)
+    }
+    assert looks == {(0.70711, 0.0, -0.70711), (0.0, 0.0, 0.0)}
+    assert not any(log.get("gaze_up") for log in stored.kept("ramp").rows(HEADSET, "ramp"))  # never known
+
+
 def test_the_runtime_says_refresh_rate_and_pixels_per_degree(lab: Laboratory) -> None:
     """Edges at 47 and 43 degrees, 128 pixels between them: 1.115 pixels per degree in the middle."""
     lab.run(rig=dataclasses.replace(RIG, refresh_rate=90.0))

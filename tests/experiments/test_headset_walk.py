@@ -55,7 +55,7 @@ def walk_in(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
             load_rig("simulated-headset")[0], window_size=EYE_SIZE, full_screen=False, eye=Eye.RIGHT
         )
         headset = SimulatedHeadset(EYE_SIZE, script=script)
-        monkeypatch.setattr(player, "open_headset", lambda rig, waits: headset)
+        monkeypatch.setattr(player, "open_headset", lambda rig, **_: headset)
         monkeypatch.setattr(walk_request, "rig_of", lambda *_: (rig, DISPLAY))
         walks: list[Walk] = []
         show = HeadsetWalk._show

@@ -126,10 +126,10 @@ class FakeSession:
             **noted,
         )
         self.runtime.__dict__.update(runtime)
-        controllers = SimpleNamespace(sync=lambda _: None)
+        self.controllers = controllers = SimpleNamespace(sync=lambda _: None, gaze=None)
         for name, made in (
             ("openxr_library", lambda: None),
-            ("OpenXRRuntime", lambda _: self.runtime),
+            ("OpenXRRuntime", lambda _, gaze: self.runtime),
             ("MirrorWindow", FakeMirror),
             ("Swapchain", FakeSwapchain),
             ("Controllers", lambda *_: controllers),
@@ -275,6 +275,43 @@ def test_a_runtime_that_moves_its_origin_says_from_which_frame_on(fake: FakeSess
     assert [fake.headset.begin_frame().recentred for _ in range(3)] == [False, True, False]
 
 
+def test_where_the_eyes_look_is_known_while_they_are_tracked(fake: FakeSession) -> None:
+    """The eyes' space is located as the head's is; a failure of it leaves the head's alone."""
+    assert fake.headset.begin_frame().gaze is None  # there is nothing to ask
+    fake.controllers.gaze = "eyes"
+    assert fake.headset.begin_frame().gaze == Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+    locate, flags = fake.runtime.xr.locate_space, xr.SpaceLocationFlags
+    for fails in (True, False):
+
+        def located(space: Any, *rest: Any, fails: bool = fails) -> Any:
+            if space == "eyes" and fails:
+                raise xr.exception.TimeInvalidError
+            found = locate(space, *rest)
+            if space == "eyes":  # closed
+                found.location_flags = flags.ORIENTATION_VALID_BIT | flags.POSITION_VALID_BIT
+            return found
+
+        fake.runtime.xr.locate_space = located
+        frame = fake.headset.begin_frame()
+        assert (frame.gaze, frame.tracked) == (None, True)
+
+
+@pytest.mark.parametrize("gaze", [False, True])
+def test_a_runtime_is_asked_where_the_eyes_look_only_for_a_log(gaze: bool) -> None:
+    asked: list[Any] = []
+
+    def create(info: Any) -> Any:
+        asked.append(info.enabled_extension_names)
+        raise xr.exception.RuntimeFailureError
+
+    offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, openxr_runtime.GAZE]
+    found = [xr.ExtensionProperties(name, 1) for name in (*offered, *openxr_runtime.CLOCKS.values())]
+    fake = FakeRuntime(enumerate_instance_extension_properties=lambda: found, create_instance=create)
+    with pytest.raises(InputError):
+        OpenXRRuntime(fake.xr, gaze=gaze)
+    assert (openxr_runtime.GAZE.encode() in list(asked[0])) is gaze
+
+
 def fails_once(fake: FakeSession, function: str) -> None:
     plain = getattr(fake.runtime.xr, function)
 
@@ -408,6 +445,8 @@ class FakeControllers:
         self.runtime: Any = FakeRuntime(
             create_action_set=lambda *_: None,
             create_action=action,
+            create_action_space=lambda *_: None,
+            ActionSpaceCreateInfo=lambda **_: None,
             string_to_path=path,
             suggest_interaction_profile_bindings=suggest,
             attach_session_action_sets=lambda *_: None,
@@ -471,7 +510,8 @@ def test_a_menu_button_that_is_held_says_something_else_once() -> None:
 
 def test_every_known_controller_is_suggested_and_one_that_the_runtime_lacks_is_skipped() -> None:
     suggested = FakeControllers().suggested
-    assert set(suggested) == set(PROFILES)
+    assert set(suggested) == {*PROFILES, "ext/eye_gaze_interaction"}
+    assert suggested["ext/eye_gaze_interaction"] == {"gaze: /user/eyes_ext/input/gaze_ext/pose"}
     assert suggested["khr/simple_controller"] == {
         f"{action}: /user/hand/{hand}/input/{part}/click"
         for hand in ("left", "right")

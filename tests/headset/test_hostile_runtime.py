@@ -46,7 +46,7 @@ def played() -> Pass:
     """The film as it is shown, in the middle of the left eye's picture; its darkest square has code 54."""
     with (
         pytest.MonkeyPatch.context() as patched,
-        open_devices(RIG, load_display("varjo-xr3"), simulated=True, any_rate=False) as devices,
+        open_devices(RIG, load_display("varjo-xr3"), simulated=True, any_rate=False, gaze=True) as devices,
     ):
         given = watch(patched)
         player = Player(devices, of_squares(FlatScreen(60.0), step=0.2), lambda _: None)
@@ -105,6 +105,29 @@ def test_the_axes_move_and_another_program_comes_in_front(changes: Callable[[str
     assert [head.focused for head in heads].count(False) >= 1
     assert heads[-1].focused
     assert [head.recentred for head in heads].count(True) == 1
+
+
+def test_it_knows_where_the_eyes_look(changes: Callable[[str, Change], None]) -> None:
+    """Monado offers the extension, but its headset has no eye tracker: here eyes look up by 30 degrees."""
+    eyes: list[Any] = []
+
+    def created(plain: Change, session: Any, info: Any) -> Any:
+        eyes.append(plain(session, info))
+        return eyes[-1]
+
+    def located(plain: Change, space: Any, *rest: Any) -> Any:
+        found = plain(space, *rest)
+        if space in eyes:
+            up = xr.Quaternionf(math.sin(math.radians(15)), 0.0, 0.0, math.cos(math.radians(15)))
+            return xr.SpaceLocation(xr.SpaceLocationFlags(15), xr.Posef(up))
+        return found
+
+    assert {head.gaze for head in played().heads} == {None}
+    changes("create_action_space", created)
+    changes("locate_space", located)
+    for head in played().heads:
+        assert head.gaze[1] == pytest.approx(0.5, abs=1e-6)
+        assert math.hypot(*head.gaze) == pytest.approx(1.0)
 
 
 def test_it_runs_at_half_rate(changes: Callable[[str, Change], None]) -> None:
