@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 SHARES = np.arange(256, dtype=np.float32) / 255  # of the values of an image, and in linear light (sRGB)
 LIGHT = np.where(SHARES <= 0.04045, SHARES / 12.92, ((SHARES + 0.055) / 1.055) ** 2.4)
 MOST_TEXTURES = 256
+LAID_OVER = -1.0  # opacity of light that is added to what is there
 THERE = 0.5  # opacity from which a masked texel is there, if the file does not say
 CLAMPED, MIRRORED, NEAREST = 33071, 33648, 9728  # glTF 2.0 specification, 5.26
 SPECULAR = "KHR_materials_pbrSpecularGlossiness"
@@ -82,7 +83,7 @@ class Surfaces:
         emission, glow = light_of(entry), None
         shining = entry.get("emissiveTexture") if emission.any() else None
         if shining is not None and self._file.image(shining["index"]) is not None:
-            material, laid = self._made(shining, 0.0, None, 0.0)
+            material, laid = self._made(shining, 0.0, None, LAID_OVER)
             light = self.materials()[material].texture(np.random.default_rng(0), (GLOW_SIZE, GLOW_SIZE))
             glow = Surface(material, np.ones(3), emission, both, laid, light=light[..., :3])
             emission = np.zeros(3)
@@ -205,17 +206,16 @@ def _resampled(
 ) -> NDArray[np.float32]:
     """Return an image as a texture of some width and height, in linear light.
 
-    With a cutoff the last channel says what is there; with an opacity it is that, and albedo is the share
-    of it.
+    With a cutoff the last channel says what is there; with an opacity it is that, and albedo its share.
     """
     from PIL import Image as Images
 
     channels = [_linear(image, k) for k in range(3)]
     if cutoff is not None or opacity is not None:
         alpha = np.asarray(image.getchannel(3))
-        kept = SHARES * np.float32(opacity) if cutoff is None else (cutoff <= SHARES).astype(np.float32)
-        channels.append(kept[alpha])
-        if opacity:
+        kept = SHARES * np.float32(opacity or 0) if cutoff is None else (cutoff <= SHARES).astype("f4")
+        channels.append(kept[alpha].clip(0))
+        if opacity is not None and opacity != LAID_OVER:
             channels[:3] = [channel * channels[3] for channel in channels[:3]]
     for axis in (0, 1):
         if mirrored[1 - axis]:
