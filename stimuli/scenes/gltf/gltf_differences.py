@@ -152,5 +152,5 @@ def require_as_in_file(scene: Scene) -> None:
         first = "; ".join(f"{one.feature}: {one.where}" for one in scene.unlike[:3])
         more = f"; and {len(scene.unlike) - 3} more" if len(scene.unlike) > 3 else ""
         raise InputError(
-            f"{scene.name}: not shown as in the file: {first}{more}; leave out --strict, or change it"
+            f"{scene.name}: not shown as in the file: {first}{more}; leave out `strict`, or change it"
         )
