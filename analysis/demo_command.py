@@ -36,8 +36,8 @@ def demo(
         simulate("ramp", folder / DATASET, participants, seed, quiet=True)
         sunrise = built_in_sequence("sunrise", size=(384, 216), duration=40.0, frames_per_second=12.5)
         summary = close_loop(folder / DATASET, sunrise, budget, folder, quiet)
-    typer.echo("\n".join(first_page(summary)))
     if not quiet:
+        typer.echo("\n".join(first_page(summary)))
         typer.echo(
             f"{out / 'report.html'} tells the whole loop, with simulated participants; "
             f"{out / 'track' / 'player.html'} plays the video with its track"

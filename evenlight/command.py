@@ -86,7 +86,7 @@ def start(
     Start with: evenlight demo --out demo
 
     `evenlight COMMAND --help` explains a command, and ends with two examples. With --quiet, commands
-    print only their results: no progress, no closing lines. With --large-ok, they read files of any size.
+    print readings and names alone, not what their files tell. With --large-ok, they read files of any size.
     With --figures svg or pdf, they write figures as such, too; --figure-style FILE.mplstyle is their look.
     """
     if version:

@@ -298,6 +298,7 @@ class OneVideo:
 def closing_words(limit: RateLimit, display: Display, out: Path) -> str:
     """Return whether a rate limit was fitted on another display, where the results are, what to open."""
     borrowed = f"rate limit borrowed: fitted on {limit.display_name!r}, unproven on {display.name!r}\n"
-    page = out / "player.html"
-    shown = f"; {page} shows them in a browser" if page.is_file() else ""
+    pages = sorted(out.glob("player.html")) or sorted(out.glob("[0-9]*-*/player.html"))  # of clips
+    show = "and its like show" if len(pages) > 1 else "shows"
+    shown = f"; {pages[0]} {show} them in a browser" if pages else ""
     return f"{'' if limit.holds_for(display) else borrowed}results in {out}{shown}"

@@ -47,7 +47,8 @@ def test_nothing_of_an_earlier_track_stays_beside_a_new_one(command, film, tmp_p
 
 def test_the_folders_of_clips_that_no_longer_share_the_budget_go(command, film, tmp_path) -> None:
     out = tmp_path / "out"
-    assert command("optimize", film, "--budget", "0.5", "--with", film, "--out", out).code == 0
+    made = command("optimize", film, "--budget", "0.5", "--with", film, "--out", out)
+    assert made.out.endswith(f"{out / '01-film' / 'player.html'} and its like show them in a browser\n")
     assert {path.name for path in out.iterdir() if path.is_dir()} == {"01-film", "02-film"}
     assert names(out / "01-film") == names(out / "02-film") == TRACK
     assert not (out / "player.html").exists()
