@@ -209,7 +209,8 @@ def _rows_of(table: Any, needed: tuple[str, ...]) -> list[dict[str, Any]]:
     missing = [name for name in needed if name not in frame]
     if missing:
         has = ", ".join(map(str, frame.columns)) or "none"
-        raise InputError(f"the table has no column {', '.join(missing)}; its columns are {has}")
+        hint = "; ramps are for `fit_ramps`" * ("rate_cd_m2_s" in set(frame) - set(needed))
+        raise InputError(f"the table has no column {', '.join(missing)}; its columns are {has}{hint}")
     if frame.empty:
         raise InputError("the table has no row; expected one for each answer")
     rows = []

@@ -61,6 +61,7 @@ short = evenlight.optimize(frames, 0.5, fps=25)  -> len(short) == len(noise)
 REFUSED = {
     "evenlight.optimize(clip, 0.5, progress=False)": "in Python, evenlight.progress.in_notebooks = False",
     "fit.save('fit'); evenlight.load('fit')": "fit: holds no track .* rate limits with `load_rate_limit`",
+    "evenlight.analyze(samples.ramps())": "no column sequence; .* ramps are for `fit_ramps`",
     "evenlight.analyze(table).save('found'); evenlight.load('found')": "found: holds no track .* with pandas",
 }
 
