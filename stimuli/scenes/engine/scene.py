@@ -217,10 +217,6 @@ class Scene:
     places: tuple[Place, ...]
     unlike: tuple[Difference, ...] = ()
 
-    def blended(self) -> NDArray[np.bool_]:
-        """Return which patches are drawn over what is behind them, (n,)."""
-        return np.array([material.blended for material in self.materials])[self.patches.material]
-
     def holed(self) -> NDArray[np.bool_]:
         """Return which patches have holes, (n,)."""
         return np.array([material.cutout for material in self.materials])[self.patches.material]

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.material_textures import MaterialTextures
-from evenlight.stimuli.scenes.engine.scene import Scene
+from evenlight.stimuli.scenes.engine.scene import Sampling, Scene
 
 if TYPE_CHECKING:
     import moderngl
@@ -27,22 +28,20 @@ class TextureArrays:
         self.layers = np.zeros((len(scene.materials), 1))  # of each material, in its array
         self._arrays: list[tuple[moderngl.TextureArray, moderngl.Texture]] = []
         array_of = np.zeros(len(scene.materials), dtype=np.int64)
-        kinds: dict[object, list[int]] = {}
+        kinds: dict[tuple[Any, Sampling | None], list[int]] = {}
         for k, (material, codes) in enumerate(zip(scene.materials, textures.codes, strict=True)):
-            sampling = material.sampling
-            kind = sampling and (sampling.clamped, sampling.nearest)
-            kinds.setdefault((codes.shape, kind), []).append(k)
-        for number, members in enumerate(kinds.values()):
+            own = material.sampling and replace(material.sampling, size=codes.shape[1::-1], image="")
+            kinds.setdefault((codes.shape, own), []).append(k)
+        for number, ((_, sampling), members) in enumerate(kinds.items()):
             array_of[members], self.layers[members, 0] = number, np.arange(len(members))
             height, width = textures.codes[members[0]].shape[:2]
             array = context.texture_array((width, height, len(members)), 4)
             for layer, k in enumerate(members):
                 array.write(textures.codes[k].tobytes(), viewport=(0, 0, layer, width, height, 1))
             array.build_mipmaps()
-            sampling = scene.materials[members[0]].sampling
             near = graphics.NEAREST if sampling and sampling.nearest else graphics.LINEAR
-            own = sampling and anisotropy == 1  # finer than needed: one copy is enough, at 4/5 of the time
-            array.filter = graphics.LINEAR_MIPMAP_NEAREST if own else graphics.LINEAR_MIPMAP_LINEAR, near
+            one = sampling and anisotropy == 1  # finer than needed: one copy is enough, at 4/5 of the time
+            array.filter = graphics.LINEAR_MIPMAP_NEAREST if one else graphics.LINEAR_MIPMAP_LINEAR, near
             if sampling:
                 array.anisotropy = anisotropy
                 array.repeat_x, array.repeat_y = (not clamped for clamped in sampling.clamped)

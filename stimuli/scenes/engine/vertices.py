@@ -129,7 +129,8 @@ def blocks_of(scene: Scene, faces: Faces) -> Blocks:
 
 def kinds_of(scene: Scene) -> NDArray[np.int64]:
     """Return of each patch whether it is `SOLID`, `HOLED` or `BLENDED`."""
-    return np.asarray(np.where(scene.blended(), BLENDED, np.where(scene.holed(), HOLED, SOLID)))
+    kinds = [BLENDED if m.blended else HOLED if m.cutout else SOLID for m in scene.materials]
+    return np.array(kinds)[scene.patches.material]
 
 
 def in_view(blocks: Blocks, matrix: Floats) -> NDArray[np.int64]:

@@ -14,6 +14,7 @@ from evenlight.stimuli.scenes.engine.camera_path import CameraPath
 from evenlight.stimuli.scenes.engine.material_textures import material_textures
 from evenlight.stimuli.scenes.engine.scene import Difference, Scene
 from evenlight.stimuli.scenes.engine.seen_patches import seen_along
+from evenlight.stimuli.scenes.engine.vertices import BLENDED, kinds_of
 from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named, paint_of
 
 SMOOTH = 0.7  # gloss from which a surface would show what is around it
@@ -49,7 +50,7 @@ def differences_of(header: dict[str, Any], parts: list[Part]) -> list[Difference
             name = f"{named(entry, f'material {material}')} on {whose}"
             for feature in _of_material(header, entry):
                 found.setdefault((feature, name), []).append(patches)
-        for feature in {*_of_mesh(header["meshes"][mesh]), *moved.get(mesh, ())}:
+        for feature in {*_of_mesh(header, header["meshes"][mesh]), *moved.get(mesh, ())}:
             found.setdefault((feature, whose), []).append(patches)
     for k, entry in enumerate(header.get("meshes", ())):
         if any(primitive.get("mode", TRIANGLES) < TRIANGLES for primitive in entry["primitives"]):
@@ -74,6 +75,8 @@ def _of_material(header: dict[str, Any], entry: dict[str, Any]) -> Iterator[str]
         yield "roughness of a texture (drawn matt)"
     elif paint_of(entry)[2] >= SMOOTH and not unlit:
         yield "reflections of a smooth surface (a gloss)"
+    if entry.get("alphaMode") == "MASK" and not entry.get("doubleSided"):
+        yield "holes in one side (seen from both)"
     if "normalTexture" in entry:
         yield "normal map (drawn smooth)"
     if "occlusionTexture" in entry:
@@ -88,8 +91,13 @@ def _of_material(header: dict[str, Any], entry: dict[str, Any]) -> Iterator[str]
                 yield f"{', '.join(kinds.get('extensions', ['a texture without image']))} (its colour alone)"
 
 
-def _of_mesh(mesh: dict[str, Any]) -> Iterator[str]:
+def _of_mesh(header: dict[str, Any], mesh: dict[str, Any]) -> Iterator[str]:
     for primitive in mesh["primitives"]:
+        paint = header["materials"][primitive["material"]] if "material" in primitive else {}
+        colours = primitive["attributes"].get("COLOR_0")
+        faded = colours is not None and paint.get("alphaMode", "OPAQUE") != "OPAQUE"
+        if faded and header["accessors"][colours]["type"] == "VEC4":
+            yield "opacity of points (left out)"
         for name in sorted({*primitive.get("extensions", ())} - {*SHAPES_READ}):
             yield f"{name} (left out)"
     if any(mesh.get("weights", ())):
@@ -128,16 +136,14 @@ def tell_differences(scene: Scene, path: CameraPath, field_of_view: float) -> No
 
 
 def words_of_differences(scene: Scene, path: CameraPath, field_of_view: float) -> list[str]:
-    """Return a line for each thing that is not shown as in a scene's file, most of the view first.
+    """Return a line for each thing that is not shown as in a scene's file (some are), most seen first.
 
     What of the view along a path shows surfaces that it concerns is counted with rays, not with drawn
     pixels. Those that pass a hole count for what is behind it.
     """
-    if not scene.unlike:
-        return []
     stopped = material_textures(scene, 8).coverage[scene.patches.material]
-    named = np.unique(np.concatenate([one.patches for one in scene.unlike]))
-    stopped[named[scene.blended()[named]]] = 1.0  # although it may be all transparent
+    whose = np.concatenate([one.patches for one in scene.unlike])
+    stopped[whose[kinds_of(scene)[whose] == BLENDED]] = 1.0  # although it may be all transparent
     seen = seen_along(scene, path, field_of_view, stopped)
     counts = np.bincount(seen[seen >= 0], minlength=len(scene.patches)) / len(seen)
     rows = [(float(counts[one.patches].sum()), one) for one in scene.unlike]

@@ -9,11 +9,10 @@ import numpy as np
 
 from evenlight.stimuli.scenes.engine.camera import NEAR
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
-from evenlight.stimuli.scenes.engine.scene import Difference, Floats, Scene
+from evenlight.stimuli.scenes.engine.scene import Difference, Floats, Sampling, Scene
 
 MOST_TEXELS = 1 << 27  # of all images of a scene: 512 MiB, and a third more for their smaller copies
 LARGEST_SIDE = 8192  # [texels] that all graphics cards take
-MOMENTS = 64  # of a path, at which it is looked how near it comes
 
 
 def with_images_that_fit(scene: Scene, path: CameraPath) -> Scene:
@@ -31,8 +30,7 @@ def with_images_that_fit(scene: Scene, path: CameraPath) -> Scene:
         sizes[k], finest[k] = np.maximum(sizes[k] // 2, 1), finest[k] / 2
     materials, unlike = list(scene.materials), list(scene.unlike)
     for k in np.flatnonzero((sizes != given).any(axis=1)):
-        (w, h), own = sizes[k].tolist(), scene.materials[k].sampling
-        assert own
+        (w, h), own = sizes[k].tolist(), scene.materials[k].sampling or Sampling((1, 1))
         materials[k] = replace(scene.materials[k], sampling=replace(own, size=(w, h)))
         was = f"an image of {own.size[0]}x{own.size[1]} made smaller, {w}x{h}, to fit into memory"
         where = np.flatnonzero(scene.patches.material == k)
@@ -46,7 +44,7 @@ def _texels_per_degree(scene: Scene, path: CameraPath, sizes: np.ndarray) -> Flo
     area = np.linalg.norm(np.cross(patches.along, patches.across), axis=1)
     repeats = np.abs(np.linalg.det(patches.uvs[:, 1:] - patches.uvs[:, :1]))
     middle, away = patches.along + patches.across, np.full(len(patches), np.inf)
-    for time in np.linspace(0, path.duration, MOMENTS):
+    for time in np.linspace(0, path.duration, 64):
         eye = path.position(float(time))
         away = np.minimum(away, np.linalg.norm(patches.origin + middle / 2 - eye, axis=1))
     away = np.maximum(away - np.linalg.norm(middle, axis=1) / 2, NEAR)
