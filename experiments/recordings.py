@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +14,7 @@ from evenlight.stimuli.ramp import frame_count
 
 DECIMALS = 9  # of a time [s]: what a clock's reading says, without the rounding of a difference of two
 LUMINANCE_DECIMALS = 6  # [cd/m^2] a thousandth of what dithering leaves; frames are drawn from what is logged
+Probed = float | Callable[[], float]  # a luminance, or what returns it later
 PROBES = 12  # frames of an interval that are read back
 TIME_ROUNDING = 1e-6  # [s] of a time that was computed
 
@@ -91,14 +92,14 @@ class RampRecording:
         self.refreshes = Refreshes(refresh_rate)
         self._intended: list[float] = []
         self._factors: list[float] = []
-        self._probes: list[tuple[int, float]] = []
+        self._probes: list[tuple[int, Probed]] = []
 
     def __len__(self) -> int:
         """Return how many frames were shown."""
         return len(self.refreshes)
 
     def note(
-        self, flip: float, intended: float, factor: float | None = None, probed: float | None = None
+        self, flip: float, intended: float, factor: float | None = None, probed: Probed | None = None
     ) -> None:
         """Note a frame.
 
@@ -110,11 +111,11 @@ class RampRecording:
             The luminance L that it was to have [cd/m^2].
         factor : float, optional
             Brightness factor that the backlight reported.
-        probed : float, optional
-            Mean luminance read back from the window [cd/m^2].
+        probed : float or callable, optional
+            Mean luminance read back from the window [cd/m^2], or what returns it after the last frame.
         """
         if probed is not None:
-            self._probes.append((len(self), round(probed, LUMINANCE_DECIMALS)))
+            self._probes.append((len(self), probed))
         if factor is not None:
             self._factors.append(factor)
         self.refreshes.note(flip)
@@ -122,12 +123,13 @@ class RampRecording:
 
     def result(self) -> ShownInterval:
         """Return what was shown."""
+        probes = [probed() if callable(probed) else probed for _, probed in self._probes]
         return ShownInterval(
             onset=self.refreshes.onset,
             flip_times=self.refreshes.times(),
             intended_luminance=tuple(self._intended),
             probe_frames=tuple(frame for frame, _ in self._probes),
-            probe_luminance=tuple(luminance for _, luminance in self._probes),
+            probe_luminance=tuple(round(luminance, LUMINANCE_DECIMALS) for luminance in probes),
             backlight_factors=tuple(self._factors),
             frames_dropped=self.refreshes.dropped(),
         )

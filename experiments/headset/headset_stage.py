@@ -7,10 +7,10 @@ which a frame was not seen, because the headset was taken off, lost the focus or
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ from evenlight.experiments.headset.controllers import (
     HeadsetKeys,
 )
 from evenlight.experiments.headset.headset_search import HeadsetSearchPlayer
+from evenlight.experiments.playback.clip_player import PROBE_SIZE
 from evenlight.experiments.sessions.dropped_frames import ShownStimulus
 from evenlight.experiments.sessions.pages import Pages
 from evenlight.experiments.sessions.window_stage import WindowStage
@@ -48,16 +49,12 @@ from evenlight.stimuli.field_renderer import Field
 from evenlight.stimuli.page_image import centred_image
 from evenlight.stimuli.video.viewing_geometry import pixels_per_degree_in
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
 NOT_WORN = "the headset was not worn, or something of the system was in front"
 NOT_SHOWN = "the runtime did not show what was drawn"
 NOT_TRACKED = "where the head is was not known"
 RECENTRED = "straight ahead was set anew, by the runtime, by F4 or by the menu button"
 BROKEN_OFF = "the operator broke it off"
 NUMBER_SIZE = 3.0  # of an interval's number, as high as a heading, in multiples of a page's text
-TEXT_MARGIN = 40  # around text that is not read back: it is blurred [pixels of the panel]
 STRIP_TEXT = 0.5  # of its letters, in multiples of those of a page as wide
 Shown = TypeVar("Shown", bound=ShownStimulus)
 
@@ -75,8 +72,6 @@ class HeadsetStage(WindowStage):
         As of `WindowStage`.
     pages : Pages
         What answers are called.
-    reads_back : bool, optional
-        Whether the middle of ramps is read back and logged: it is waited for, so not with a person.
     screenshots, triggers : Path, mapping of str to TriggerOutput, optional
         As of `WindowStage`.
     """
@@ -90,7 +85,6 @@ class HeadsetStage(WindowStage):
         page_luminance: float,
         pages: Pages,
         *,
-        reads_back: bool = False,
         screenshots: Path | None = None,
         triggers: Mapping[str, TriggerOutput] | None = None,
     ) -> None:
@@ -99,7 +93,7 @@ class HeadsetStage(WindowStage):
             window, keys, rig, display, page_luminance, screenshots=screenshots, triggers=triggers
         )
         self._progress = ""
-        self._headset, self._pages, self._reads_back = window, pages, reads_back
+        self._headset, self._pages = window, pages
         self._number_size = NUMBER_SIZE
         self._text_pixels_per_degree = pixels_per_degree_in(PANEL_WIDTH, PANEL_SIZE[0])
         self._begun = False  # once open it may come off until the first page: the display alone is tried
@@ -208,22 +202,17 @@ class HeadsetStage(WindowStage):
                 return KeyPress(taken, press.time)
         return None
 
-    def _probe_places(self, interval: RampInterval, n_frames: int) -> list[int]:
-        """Return the places that are read back: none with a person."""
-        return super()._probe_places(interval, n_frames) if self._reads_back else []
+    def _ground_drawn(self, field: Field) -> Callable[[], float] | None:
+        """Return what reads the middle of the eye that counts, when the interval is over.
 
-    def _free_codes(self, field: Field) -> NDArray[np.int64]:
-        """Return codes of the eye that counts: in the middle, or all around the text on the panel."""
-        if field.coverage is None:
-            return super()._free_codes(field)
-        size, frame = self._headset.eye_size(), self._headset.eyes()
+        Beside text it is the upper edge; nothing where the panel reaches up to there.
+        """
+        size, frame, text = self._headset.eye_size(), self._headset.eyes(), field.coverage is not None
         matrix = panel_matrix(frame.eyes[self._rig.eye is Eye.RIGHT], size, frame.head, PANEL_SIZE)
-        y, x = np.indices(size[::-1]) + 0.5
-        right, down, ahead = np.tensordot(matrix, [x, y, np.ones_like(x)], axes=1)
-        rows, columns = (np.flatnonzero(field.coverage.any(axis=axis)) for axis in (1, 0))
-        beside = np.abs(right / ahead - columns.mean()) > np.ptp(columns) / 2 + TEXT_MARGIN
-        above = np.abs(down / ahead - rows.mean()) > np.ptp(rows) / 2 + TEXT_MARGIN
-        return np.asarray(self._headset.read_codes(size)[beside | above])
+        if text and (matrix[1] @ [[0, size[0]], 2 * [size[1] / 8], [1, 1]]).max() >= 0:
+            return None
+        codes = self._headset.codes_later(PROBE_SIZE, top=text)
+        return lambda: self._mean_luminance(codes())
 
     def _search_presses(self) -> list[KeyPress]:
         """Return presses as keys of a search: the trigger finds, the stick turns the room by steps."""

@@ -83,11 +83,9 @@ def play_video(film: FilmOptions, options: VersionOptions, headset: HeadsetOptio
         if not film.quiet:
             typer.echo(f"showing {words}")
 
-    any_rate = film.rig is None
-    devices_open = open_devices(
-        asked.rig, asked.display, simulated=film.simulate, any_rate=any_rate, gaze=options.log is not None
-    )
-    with devices_open as devices:
+    any_rate, gaze = film.rig is None, options.log is not None
+    on = asked.rig, asked.display
+    with open_devices(*on, simulated=film.simulate, any_rate=any_rate, gaze=gaze) as devices:
         if not film.quiet:
             typer.echo(asked.shown_on(devices))
         player = Player(devices, playback, say)

@@ -119,9 +119,8 @@ def open_stage(
             stage: WindowStage
             if isinstance(window, HeadsetWindow):
                 stage = HeadsetStage(
-                    window, keys, *shown, pages,
-                    reads_back=staging.simulated, screenshots=staging.screenshots, triggers=triggers,
-                )  # fmt: skip
+                    window, keys, *shown, pages, screenshots=staging.screenshots, triggers=triggers
+                )
             else:
                 backlight = open_backlight(rig, window.now)
                 mouse = (lambda: None) if staging.simulated else (lambda: open_pointer(window))

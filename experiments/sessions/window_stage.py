@@ -14,7 +14,7 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.recordings.rig import Actuator, Rig
 from evenlight.experiments.playback.clip_feeds import part_of
 from evenlight.experiments.playback.clip_player import PROBE_SIZE, ClipPlayer
-from evenlight.experiments.recordings import LUMINANCE_DECIMALS, RampRecording, probe_places
+from evenlight.experiments.recordings import LUMINANCE_DECIMALS, Probed, RampRecording, probe_places
 from evenlight.experiments.sessions.marked_window import MarkedWindow
 from evenlight.experiments.sessions.search_stage import OpenPointer, SearchPlayer
 from evenlight.experiments.showing import Brightness, Screen, Screenshots
@@ -178,7 +178,7 @@ class WindowStage(Stage):
         recording = RampRecording(self._rig.refresh_rate)
         seconds = interval.adaptation + interval.duration + interval.hold
         n_frames = frame_count(seconds, self._rig.refresh_rate)
-        probes = self._probe_places(interval, n_frames)
+        probes = probe_places(n_frames)
         self._pixel_value = interval.pixel_value
         if interval.mark_contrast:
             self._mark_image(self._window.size(), self._text_pixels_per_degree)  # now, for it takes long
@@ -260,9 +260,6 @@ class WindowStage(Stage):
         """Return the first press of one of some keys since the last call, or raise `PausePressed`."""
         return next((press for press in self._presses() if press.name in keys), None)
 
-    def _probe_places(self, interval: RampInterval, n_frames: int) -> list[int]:
-        return probe_places(n_frames)
-
     def _show_frame(self, interval: RampInterval, time: float, recording: RampRecording, probe: bool) -> None:
         luminance = ramp_luminance(
             time,
@@ -286,23 +283,21 @@ class WindowStage(Stage):
         self._screenshots.take(self._window, "ramp" if within or text else "field", text)
         flip = self._window.flip()
         self._brightness.after_flip()
-        probed = None if drawn is None else self._brightness.seen(drawn)
+        probed = self._brightness.seen(drawn) if isinstance(drawn, float) else drawn
         recording.note(flip, intended, self._brightness.reported(), probed)
 
-    def _ground_drawn(self, field: Field) -> float:
+    def _ground_drawn(self, field: Field) -> Probed | None:
         """Return the mean luminance drawn where no text is, before its flip [cd/m^2]."""
-        codes = self._free_codes(field)
+        codes = self._window.read_codes(PROBE_SIZE)
+        if field.coverage is not None:
+            read = codes.shape[1], codes.shape[0]
+            codes = codes[part_of(field.coverage, self._window.size(), read) == 0]
+        return self._mean_luminance(codes)
+
+    def _mean_luminance(self, codes: NDArray[np.int64]) -> float:
         # Codes are counted, not turned into luminances one by one: this happens while the flip is waited for.
         counts = np.bincount(codes.ravel(), minlength=self._luminance_of_code.size)
         return float(counts @ self._luminance_of_code / counts.sum())
-
-    def _free_codes(self, field: Field) -> NDArray[np.int64]:
-        """Return codes in the middle of the window that no text is on."""
-        codes = self._window.read_codes(PROBE_SIZE)
-        if field.coverage is None:
-            return codes
-        read = codes.shape[1], codes.shape[0]
-        return np.asarray(codes[part_of(field.coverage, self._window.size(), read) == 0])
 
     def _ramp_field(self, interval: RampInterval, luminance: float, labelled: bool) -> Field:
         """Return the field of a frame of an interval, with the interval's number if it is to have one."""

@@ -113,14 +113,7 @@ def centre_pixels_per_degree(fov: EyeFov, width: int) -> float:
 def seen_pixels(fov: EyeFov, hidden: Sequence[Triangle], size: tuple[int, int]) -> NDArray[np.bool_]:
     """Return which pixels of an eye's picture a lens shows, by their middles: (height, width), row 0 on top.
 
-    Parameters
-    ----------
-    fov : EyeFov
-        The edges of the picture.
-    hidden : sequence of Triangle
-        What the lens never shows.
-    size : (int, int)
-        Width and height [pixels].
+    `fov` are the edges of the picture, `hidden` what the lens never shows, `size` width and height [pixels].
 
     >>> quarter = math.pi / 4
     >>> corner = ((-1.0, 1.0), (0.5, 1.0), (-1.0, -0.5))

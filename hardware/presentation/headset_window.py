@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.recordings.rig import Eye
 from evenlight.hardware.presentation.headset_views import (
@@ -26,6 +26,8 @@ from evenlight.hardware.protocols import ContextDevice, KeyPress
 from evenlight.hardware.simulated.clocks import RefreshClock
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     import moderngl
     import numpy as np
     from numpy.typing import NDArray
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 PANEL_SIZE = (1280, 960)  # [pixels] of pages, which stand before the head
 BITS = 8
 RECENTRE, MENU_HELD = "f4", "menu_held"  # key of the operator, and button of a controller
+READINGS = 16  # parts of pictures that may be read at a time
 KEPT = 1 << 17  # frames that are noted until they are asked for: 20 minutes at 100 Hz
 
 
@@ -77,6 +80,7 @@ class HeadsetWindow(ContextDevice, ABC):
         self._drawn = False  # whether the frame's image was asked for
         self._origin, self._origin_due = Pose(), True  # in the runtime's axes, and whether it is to be taken
         self._eye = Eye.LEFT
+        self._readings, self._buffers = 0, dict[int, Any]()  # how many were begun, and where they go
         self._refresh_clock: RefreshClock | None = None
 
     def begin(self, eye: Eye, refresh_clock: RefreshClock | None = None) -> None:
@@ -162,15 +166,36 @@ class HeadsetWindow(ContextDevice, ABC):
         """
         import numpy as np
 
+        if size is not None:
+            return self.codes_later(size)()
         width, height = self.eye_size()
         codes = np.frombuffer(self.picture().read(components=3, alignment=1), dtype=np.uint8)
-        both = codes.reshape(height, 2 * width, 3)[::-1].astype(np.int64)
-        if size is None:
-            return both
-        across, down = min(size[0], width), min(size[1], height)
+        return codes.reshape(height, 2 * width, 3)[::-1].astype(np.int64)
+
+    def codes_later(self, size: tuple[int, int], *, top: bool = False) -> Callable[[], NDArray[np.int64]]:
+        """Begin to read codes of the eye that counts, before the next flip, and return what takes them.
+
+        Nothing is waited for until they are taken, before `READINGS` more are begun. The part, of a width and
+        height at most [pixels], lies in the middle of the picture, or at the top, in its upper eighth.
+        """
+        import numpy as np
+
+        width, height = self.eye_size()
+        across, down = min(size[0], width), min(size[1], max(height // 8, 1) if top else height)
         left = (self._eye is Eye.RIGHT) * width + (width - across) // 2
-        top = (height - down) // 2
-        return both[top : top + down, left : left + across]
+        bottom = height - down if top else (height - down) - (height - down) // 2
+        count = 4 * across * down
+        slot, self._readings = self._readings % READINGS, self._readings + 1
+        buffer = self._buffers.get(slot)
+        if buffer is None or buffer.size < count:
+            buffer = self._buffers[slot] = self.context().buffer(reserve=count)
+        self.picture().read_into(buffer, (left, bottom, across, down), 4)
+
+        def taken() -> NDArray[np.int64]:
+            codes = np.frombuffer(buffer.read(count), dtype=np.uint8)
+            return codes.reshape(down, across, 4)[::-1, :, :3].astype(np.int64)
+
+        return taken
 
     def seen_pixels(self, eye: Eye | None = None) -> NDArray[np.bool_] | None:
         """Return which pixels of an eye's picture its lens shows, of the one that counts if none is named.

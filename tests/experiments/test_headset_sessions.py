@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from headset_frames import since
+from played_in_headset import watch
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.dataset_layout import EVENTS, FRAMES, HEADSET, MANIFEST, TRIALS
@@ -258,12 +259,28 @@ def test_drawn_means_are_the_ramps(stored: Laboratory) -> None:
 
 
 def test_a_rehearsal_reads_back_ramps_with_a_mark_and_with_numbers(lab: Laboratory) -> None:
-    """Two intervals for each question, and the mark that observers look at: all around them."""
+    """Two intervals for each question, and the mark that observers look at: above the panel that has them."""
     design = dataclasses.replace(RAMPS, procedure=Procedure.TWO_INTERVAL, catch_share=0.0, fixation_mark=True)
     assert lab.run(design=design).status is SessionStatus.COMPLETE
     assert len(lab.rows()) > 3
     assert all(len(log["probe_frames"]) > 3 for log in lab.rows(FRAMES))
     assert all(trial["largest_luminance_error_cd_m2"] < 0.3 for trial in lab.rows())
+
+
+def test_a_session_reads_ramps_back_when_they_are_over(
+    lab: Laboratory, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With a wearer; what was read is taken before the first refresh after an interval, and at no other."""
+    given = watch(monkeypatch, read=False)
+    lab.run(script=HeadsetScript(presses=EAGER))
+    logs = lab.rows(FRAMES)
+    assert sum(one.counts["Framebuffer.read"] for one in given) == 0
+    taken = [one.counts["Buffer.read"] for one in given if one.counts["Buffer.read"]]
+    assert taken == [12, *(len(log["probe_frames"]) for log in logs)]  # the practice has no log
+    assert all(trial["largest_luminance_error_cd_m2"] < 0.3 for trial in lab.rows())
+    for log in logs:  # they are of the frames that they are said to be of
+        intended = np.array(log["intended_luminance_cd_m2"])[log["probe_frames"]]
+        np.testing.assert_allclose(log["probe_luminance_cd_m2"], intended, atol=0.3)
 
 
 def test_no_garbage_is_collected_in_trials(lab: Laboratory, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -287,7 +304,6 @@ def test_controllers_answer(stored: Laboratory) -> None:
     assert {trial["response"] for trial in trials} == {"no"}
     # The stick is pushed every 0.25 s, the trigger pulled 0.125 s later.
     assert all(0 < trial["response_time_s"] <= 0.25 + 0.125 + 2 / RATE for trial in trials)
-    assert all(trial["largest_luminance_error_cd_m2"] is None for trial in trials)  # nothing was read back
 
 
 def test_in_a_search_the_trigger_finds_and_the_stick_points_to_the_gap(lab: Laboratory) -> None:

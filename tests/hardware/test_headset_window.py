@@ -266,6 +266,16 @@ def test_both_eyes_are_drawn_side_by_side_and_read_back_with_the_upper_row_first
         assert (codes[:, 64:] == (40, 0, 0)).all()
         assert (window.read_codes((16, 20)) == 0).all()
         assert window.read_codes((16, 20)).shape == (20, 16, 3)
+        top, middle = window.codes_later((16, 20), top=True), window.codes_later((16, 20))
+        window.flip()
+        window.framebuffer().clear(1.0, 1.0, 1.0, 1.0)
+        first = top()  # of the frame before
+        assert first.shape == (8, 16, 3)
+        assert (first[:4] == (10, 20, 30)).all()
+        assert (first[4:] == 0).all()
+        assert (middle() == 0).all()
+        window.framebuffer().clear(50 / 255, 0.0, 0.0, 1.0, viewport=(24, 22, 16, 10))  # the lower half of it
+        assert window.read_codes((16, 20))[:, 0, 0].tolist() == 10 * [255] + 10 * [50]
     with rigs.open_window(dataclasses.replace(RIG, eye=Eye.RIGHT), RefreshClock(50.0)) as window:
         window.framebuffer().clear(40 / 255, 0.0, 0.0, 1.0, viewport=(64, 0, 64, 64))
         assert (window.read_codes((16, 20)) == (40, 0, 0)).all()

@@ -161,6 +161,10 @@ def test_a_session_runs_whole_or_killed_and_resumed_and_its_frames_are_logged(
     assert manifest["n_trials"] == sum(not row["practice"] for row in rows) > 0
     assert command("validate", tmp_path / "whole").code == 0
     check_log(lab.rows("whole", HEADSET), lab.rows("whole", FRAMES))
+    for log in lab.rows("whole", FRAMES) if task == "ramp" else []:
+        read, intended = log["probe_luminance_cd_m2"], np.array(log["intended_luminance_cd_m2"])
+        np.testing.assert_allclose(read, intended[log["probe_frames"]], atol=0.3)
+        assert len(read) > 3
     if task == KILLED:
         lab.kill_in_the_midst("broken")
         lab.run("broken", "--resume")

@@ -70,13 +70,9 @@ class SceneRenderer:
     antialiasing : Antialiasing
         Samples of each pixel: `OFFLINE` for pictures that are kept, `LIVE` where a display waits for them,
         `EYES` where it does not. A `GraphicsScene` must be for as many samples at a place.
-
-    Attributes
-    ----------
-    seen : array of bool, (height, width), or None
-        Which pixels a headset's lens shows, row 0 on top; None if all are to be seen.
     """
 
+    # Which pixels a headset's lens shows, (height, width), row 0 on top; None if all are seen.
     seen: NDArray[np.bool_] | None = None
 
     def __init__(
