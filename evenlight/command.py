@@ -42,6 +42,7 @@ from evenlight.data_schema.quantities import require_computable
 from evenlight.data_schema.storage.input_sizes import LARGE_OK
 from evenlight.experiments import new_command, play_command, watch_command
 from evenlight.experiments import simulate_command as experiment_commands
+from evenlight.experiments.desktop import live_command
 from evenlight.experiments.follow import follow_command
 from evenlight.hardware import measure_command
 from evenlight.hardware.protocols import InstrumentError
@@ -171,6 +172,7 @@ COMMANDS: dict[str, dict[str, Callable[..., Any] | typer.Typer]] = {
         "walk": play_command.walk,
         "apply": apply_command.apply,
         "follow": follow_command.follow_command,
+        "live": live_command.live_command,
         "track": track_command.track,
         "render": stimuli_commands.render,
     },

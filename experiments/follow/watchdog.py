@@ -1,7 +1,8 @@
 """A process of its own that sets a backlight back if the program that dims it is killed.
 
 It waits at a pipe. "done" says that the backlight was left as it was found; an end without it, which is what
-the system makes of a killed program's pipe, says that it was not. By then the lock on the device has ended.
+the system makes of a killed program's pipe, says that it was not. By then the lock on the device has ended. A
+number before that is the brightness to bring back in place of what was found: its user's, set meanwhile.
 """
 
 from __future__ import annotations
@@ -41,6 +42,13 @@ class BrightnessWatchdog:
             start_new_session=True,  # Ctrl-C and the end of the terminal are not meant for it
         )  # fmt: skip
 
+    def bring_back(self, factor: float) -> None:
+        """Bring back this factor, in place of what was found or said before."""
+        assert self._process.stdin is not None
+        with contextlib.suppress(OSError):  # somebody has ended it
+            self._process.stdin.write(f"{factor!r}\n".encode())
+            self._process.stdin.flush()
+
     def done(self) -> None:
         """Let it go: the backlight is as it was found."""
         with contextlib.suppress(OSError):  # somebody has ended it
@@ -73,6 +81,20 @@ def watched_backlight(backlight: str, curve: str) -> Iterator[Backlight]:
         finally:
             device.close()
             watchdog.done()
+
+
+def kept_backlight(backlight: str, curve: str) -> tuple[Backlight, BrightnessWatchdog]:
+    """Return a backlight, open, and what brings its brightness back when this program ends, however it does.
+
+    It is not to be closed, which would bring back what it was found at, whatever its user has set since.
+
+    Raises
+    ------
+    InputError, InstrumentError
+        As `watched_backlight`.
+    """
+    device = _opened(backlight, curve)
+    return device, BrightnessWatchdog(backlight, curve, device.read_factor())
 
 
 def _opened(backlight: str, curve: str) -> Backlight:
@@ -112,6 +134,7 @@ def _retried(attempt: Callable[[], Any]) -> Any:
 
 
 if __name__ == "__main__":
-    if sys.stdin.buffer.read() != DONE:
-        restore(sys.argv[1], sys.argv[2], float(sys.argv[3]))
+    said = sys.stdin.buffer.read()
+    if not said.endswith(DONE):
+        restore(sys.argv[1], sys.argv[2], float((said.split() or [sys.argv[3]])[-1]))
         os._exit(0)  # devices are not closed on the way out

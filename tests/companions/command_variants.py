@@ -46,6 +46,7 @@ PARSED = {
     "render house": "takes 10 s; tests/stimuli/test_gltf_scenes.py writes scenes and reads them",
     "render school": "the same",
     "render library --out library.glb": "the same",
+    "live": "dims until it is ended; tests/experiments/test_live_loop.py has its parts",
     "measure saving": "minutes of a battery's gauge; tests/pipeline/test_measure_saving.py does it quickly",
 }
 

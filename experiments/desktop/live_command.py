@@ -1,0 +1,69 @@
+"""The command `evenlight live`: a desktop's backlights follow what is on its monitors."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from typing import Annotated
+
+import typer
+
+from evenlight.experiments.playback.play_options import interrupted
+from evenlight.option_panels import QuietOption, asked, expert, with_options
+from evenlight.stimuli.dimming_options import OnDisplay, WithinLimit
+
+light_option = functools.partial(typer.Option, rich_help_panel="Backlight")
+service = functools.partial(typer.Option, rich_help_panel="What runs already")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LiveOptions(OnDisplay, WithinLimit):
+    """What is dimmed, and how far; the command line is made from it."""
+
+    backlight: Annotated[
+        list[str] | None,
+        light_option(
+            metavar="DRIVER:ADDRESS",
+            help="The backlight, e.g. sysfs:intel_backlight; once for each monitor, in their order. "
+            "`evenlight measure list` shows those of this computer.",
+        ),
+    ] = None
+    backlight_curve: Annotated[
+        str, expert(help="Measured light of each of its steps: brightness.csv of a luminance sweep.")
+    ] = ""
+    target_loss: Annotated[
+        float, asked(help="Share of visible contrast that the picture may lose, 0 to 1.")
+    ] = 0.03
+    min_factor: Annotated[float, expert(help="Lowest brightness, as a share of what you have set.")] = 0.3
+    on_battery: Annotated[bool, asked("--on-battery", help="Rest on mains power.")] = False
+    rest_with: Annotated[
+        str, asked(metavar="PROGRAMS", help="Rest while one of these runs: gimp,darktable.")
+    ] = ""
+    pause: Annotated[
+        bool, service("--pause", help="Let it rest, or go on, and end: for a key of your own.")
+    ] = False
+    status: Annotated[bool, service("--status", help="Say what it does and has saved, and end.")] = False
+    install: Annotated[
+        bool, service("--install", help="Show a user's service for systemd, and start it with the session.")
+    ] = False
+    uninstall: Annotated[bool, expert("--uninstall", help="Undo --install.")] = False
+    quiet: QuietOption = False
+
+
+def live(options: LiveOptions) -> None:
+    """Dim a desktop while you work: each backlight follows what is on its monitor.
+
+    Below the brightness that you set, as far as the picture loses no more than it may, and never faster than
+    the rate limit. Whatever ends it, your brightness comes back.
+    """
+    from evenlight.experiments.desktop.live_desktop import live_as_asked
+
+    try:
+        live_as_asked(options)
+    except BaseException as error:
+        if isinstance(error, Exception | SystemExit):
+            raise
+        raise interrupted(error, "your brightness comes back") from None
+
+
+live_command = with_options(live, LiveOptions)

@@ -1,0 +1,70 @@
+"""When a desktop is not to be dimmed, and what else moves its brightness: programs that run, mains power."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+PROCESSES, SUPPLIES = Path("/proc"), Path("/sys/class/power_supply")
+OFTEN = 5.0  # [s] between two looks
+# Change brightness or colours by themselves.
+OTHERS = ("clight", "wluma", "redshift", "gammastep", "wlsunset", "hyprsunset", "gsd-color", "kwin_redshift")
+
+
+def programs(root: Path = PROCESSES) -> set[str]:
+    """Return the names of the programs that run, as the system cuts them: to 15 letters."""
+    found = set()
+    for file in root.glob("[0-9]*/comm"):
+        try:
+            found.add(file.read_text(encoding="utf-8", errors="replace").strip())
+        except OSError:  # it has ended
+            continue
+    return found
+
+
+def on_mains(root: Path = SUPPLIES) -> bool:
+    """Return whether a supply of mains power is connected; true where the computer has no battery."""
+    supplies = {path: _first_line(path / "type") for path in root.glob("*")}
+    mains = [path for path, kind in supplies.items() if kind in ("Mains", "USB")]
+    return "Battery" not in supplies.values() or any(_first_line(path / "online") == "1" for path in mains)
+
+
+def reasons(
+    rest_with: Sequence[str],
+    on_battery: bool,
+    running: Callable[[], set[str]] = programs,
+    mains: Callable[[], bool] = on_mains,
+) -> Callable[[float], str]:
+    """Return what says why nothing is to be dimmed at a time [s]; empty for no reason.
+
+    Parameters
+    ----------
+    rest_with : sequence of str
+        Programs with which it rests.
+    on_battery : bool
+        Whether it rests on mains power.
+    running, mains : callable, optional
+        What runs, and whether mains power is there.
+    """
+
+    @functools.lru_cache(maxsize=1)
+    def looked(_: int) -> str:
+        if rest_with and (seen := {name[:15] for name in rest_with} & running()):
+            return f"{min(seen)} runs"
+        return "mains power" if on_battery and mains() else ""
+
+    return lambda now: looked(int(now // OFTEN))
+
+
+def others_at_work(running: Callable[[], set[str]] = programs) -> str:
+    """Return a line on programs that change brightness or colours by themselves; empty for none."""
+    found = sorted(running() & {name[:15] for name in OTHERS})
+    return f"{', '.join(found)} runs: what it sets counts as set by you" if found else ""
+
+
+def _first_line(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8", errors="replace").partition("\n")[0].strip()
+    except OSError:
+        return ""

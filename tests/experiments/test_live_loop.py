@@ -1,0 +1,279 @@
+"""`evenlight live`: what it looks at, when it rests, what it tells and leaves behind."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from stepped_panel import PROGRAM, SteppedPanel
+
+from evenlight.data_schema.contrast_model import DEFAULT_MODEL
+from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Frame
+from evenlight.experiments.desktop import live_desktop, live_state, resting, screens, user_service
+from evenlight.experiments.desktop.live_loop import LiveLoop, Monitor
+from evenlight.experiments.desktop.live_state import LiveState, MonitorState, running, write_state
+from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
+from evenlight.experiments.desktop.screens import WatchedScreen
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors
+from evenlight.method.preset_files import load_display
+
+DISPLAY, KNOTS = load_display("laptop-lcd"), brightness_factors(0.05)
+WIDE, HIGH = 64, 48
+
+
+class Grabber:
+    """A screen of noise that is shown anew when told; BGRX, as systems have it."""
+
+    def __init__(self) -> None:
+        self.monitors = [{}, {"left": 0, "top": 0, "width": WIDE, "height": HIGH}]
+        self.rng, self.gone = np.random.default_rng(1), False
+        self.change()
+
+    def change(self) -> None:
+        self.pixels = self.rng.integers(0, 256, (HIGH, WIDE, 4), dtype=np.uint8)
+
+    def grab(self, area: dict[str, int]) -> Any:
+        assert area == self.monitors[1]
+        if self.gone:
+            raise OSError("connection\nlost")
+        return SimpleNamespace(raw=bytearray(self.pixels.tobytes()), width=WIDE, height=HIGH)
+
+
+class Desktop:
+    """A loop on a clock of its own."""
+
+    def __init__(self) -> None:
+        self.now, self.said, self.kept, self.why = 0.0, list[str](), list[LiveState](), ""
+        self.grabber = Grabber()
+        self.screen = WatchedScreen(self.grabber, 1, DISPLAY, DEFAULT_MODEL, KNOTS)
+        self.backlight = SteppedPanel()
+        self.brought_back: list[float] = []
+        dimmer = MonitorDimmer(self.backlight, lambda light: 50.0, KNOTS, 0.05, 0.3)
+        monitor = Monitor("panel", self.screen, dimmer, self.brought_back.append)
+        tell, keep = self.said.append, self.kept.append
+        self.loop = LiveLoop([monitor], self.clock, self.wait, lambda now: self.why, tell, keep, 2.0)
+
+    def clock(self) -> float:
+        return self.now
+
+    def wait(self, seconds: float) -> None:
+        self.now += max(seconds, 1e-3)
+
+    def run(self, seconds: float) -> None:
+        end = self.now + seconds
+        while self.now < end:
+            self.loop.run_once()
+
+
+def test_a_picture_is_analysed_once_and_as_any_frame_is() -> None:
+    desk = Desktop()
+    seen = desk.screen.look(0.0)
+    assert seen is not None
+    rgb = np.ascontiguousarray(desk.grabber.pixels[..., 2::-1])
+    known = analyze_frames([Frame(0.0, 1.0, rgb)], "screen", DISPLAY, factors=KNOTS)
+    np.testing.assert_array_equal(seen.loss, known.loss[0])
+    assert seen.luminance == known.mean_luminance[0]
+    assert [desk.screen.look(100.0 + k) for k in range(3)] == [None] * 3
+    desk.grabber.change()
+    assert desk.screen.look(200.0) is not None
+    assert (desk.screen.looks, desk.screen.analyses) == (5, 2)
+
+
+def test_the_next_analysis_waits_for_the_work_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Half a second of work at 5 % of a core: ten seconds."""
+    desk, work = Desktop(), iter([0.0, 0.5, 0.5, 0.5])
+    monkeypatch.setattr(screens.time, "process_time", lambda: next(work))
+    assert desk.screen.look(0.0) is not None
+    desk.grabber.change()
+    assert desk.screen.look(9.9) is None
+    assert desk.screen.look(10.1) is not None
+
+
+def test_it_dims_rests_and_tells_what_its_user_has_set() -> None:
+    desk = Desktop()
+    desk.run(5.0)
+    dimmed = desk.backlight.read_factor()
+    assert dimmed < 0.95
+    desk.why = "gimp runs"
+    desk.run(5.0)
+    assert desk.backlight.read_factor() == 1.0
+    assert desk.said == ["resting: gimp runs"]
+    desk.why = ""
+    desk.run(5.0)
+    assert desk.backlight.read_factor() == pytest.approx(dimmed)
+    desk.loop.paused = True
+    desk.run(5.0)
+    desk.backlight.set_factor(0.5)
+    desk.run(1.0)
+    assert desk.said[1:] == ["dimming again", "resting: paused", "panel was set to 50%: kept"]
+    assert desk.brought_back == [pytest.approx(0.5, abs=0.01)]
+
+
+def test_what_was_saved_is_that_of_the_factors_over_time() -> None:
+    """2 W at full backlight: the mean below what the user has set, times hours."""
+    desk = Desktop()
+    desk.run(20.0)
+    state = desk.loop.state(desk.now)
+    hours = desk.loop._counted / 3600
+    assert state.saved_wh == pytest.approx(2.0 * (1 - state.mean_factor) * hours, rel=1e-6)
+    assert 8 <= len(desk.kept) <= 11  # every two seconds
+    words = live_desktop.summary(state)
+    assert "loses" in words
+    assert "Wh (assumed: 5 W for a busy core)" in words
+    lazy = LiveState(1, 3600.0, 1.0, 0.0, 36.0, state.monitors)
+    assert live_desktop.summary(lazy).endswith("it is not worth it here")
+
+
+def test_no_picture_leaves_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing but the state is opened to be written, and no run of the picture's bytes stands in it."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    desk, opened, watching = Desktop(), list[str](), [True]
+    desk.loop._keep = write_state
+
+    def audit(event: str, given: tuple[Any, ...]) -> None:
+        if (
+            watching[0]
+            and event == "open"
+            and isinstance(given[0], str)
+            and given[2] & (os.O_WRONLY | os.O_RDWR)
+        ):
+            opened.append(given[0])
+        assert not (watching[0] and event.startswith("socket.")), event
+
+    sys.addaudithook(audit)
+    for _ in range(6):
+        desk.grabber.change()
+        desk.run(1.0)
+    watching[0] = False
+    assert opened
+    assert {Path(name).parent for name in opened} == {tmp_path}
+    written = b"".join(path.read_bytes() for path in tmp_path.iterdir())
+    assert len(written) < 1000
+    assert desk.grabber.pixels.tobytes()[:8] not in written
+
+
+def test_a_screen_that_goes_is_told_in_a_line() -> None:
+    desk = Desktop()
+    desk.grabber.gone = True
+    with pytest.raises(InstrumentError, match=r"^the screen cannot be looked at any more: connection lost$"):
+        desk.run(1.0)
+
+
+def test_the_state_is_found_while_its_program_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    with pytest.raises(InputError, match="live does not run"):
+        running()
+    one = MonitorState("sysfs:panel", 0.9, 0.5, 0.031, "paused")
+    state = LiveState(os.getpid(), 7200.0, 0.6, None, 72.0, (one,))
+    write_state(state)
+    assert running() == state
+    assert state.in_words().splitlines() == [
+        "sysfs:panel: factor 0.50 of the brightness set (90%), loses 3.1% of its visible contrast; resting: "
+        "paused",
+        "2.0 h, savings unknown: no power model, mean factor 0.60; 1.0% of one core",
+    ]
+    sent: list[tuple[int, int]] = []
+    monkeypatch.setattr(live_state.os, "kill", lambda *given: sent.append(given))
+    assert live_state.toggle_pause() == os.getpid()
+    assert sent[-1] == (os.getpid(), signal.SIGUSR1)
+    (tmp_path / "evenlight-live.json").write_text('{"pid": "x"')
+    with pytest.raises(InputError, match="live does not run"):
+        running()
+
+
+def test_it_rests_with_programs_and_on_mains_power(tmp_path: Path) -> None:
+    for number, name in ((7, "gimp-2.10"), (8, "wluma"), (9, "xterm")):
+        (tmp_path / "proc" / str(number)).mkdir(parents=True)
+        (tmp_path / "proc" / str(number) / "comm").write_text(f"{name}\n")
+    ours = resting.programs(tmp_path / "proc")
+    assert ours == {"gimp-2.10", "wluma", "xterm"}
+    assert resting.others_at_work(lambda: ours) == "wluma runs: what it sets counts as set by you"
+    assert resting.others_at_work(lambda: {"xterm"}) == ""
+    assert resting.reasons(["krita", "gimp-2.10"], False, lambda: ours)(0.0) == "gimp-2.10 runs"
+    assert resting.reasons(["krita"], False, lambda: ours)(0.0) == ""
+    supplies = tmp_path / "supplies"
+    assert resting.on_mains(supplies)  # no battery
+    for name, kind in (("BAT0", "Battery"), ("AC", "Mains")):
+        (supplies / name).mkdir(parents=True)
+        (supplies / name / "type").write_text(f"{kind}\n")
+    assert not resting.on_mains(supplies)
+    (supplies / "AC" / "online").write_text("1\n")
+    assert resting.on_mains(supplies)
+    why = resting.reasons([], True, set, lambda: resting.on_mains(supplies))
+    assert why(0.0) == "mains power"
+    (supplies / "AC" / "online").write_text("0\n")
+    assert why(1.0) == "mains power"  # looked at every five seconds
+    assert why(6.0) == ""
+
+
+def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, command) -> None:
+    """systemctl is a script here, which notes what it is asked."""
+    program = tmp_path / "bin" / "systemctl"
+    program.parent.mkdir()
+    program.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/asked\n')
+    program.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    text = user_service.unit(["--backlight", "sysfs:my panel", "--target-loss", "5%"])
+    assert "live --backlight 'sysfs:my panel' --target-loss 5%% --quiet" in text
+    user_service.install(text)
+    assert user_service.unit_file().read_text() == text
+    done = command("live", "--uninstall")
+    assert (done.code, done.err) == (0, "")
+    assert not user_service.unit_file().exists()
+    assert (tmp_path / "asked").read_text().splitlines() == [
+        "--user daemon-reload",
+        "--user enable --now evenlight-live.service",
+        "--user disable --now evenlight-live.service",
+        "--user daemon-reload",
+    ]
+    assert "nothing is installed" in command("live", "--uninstall").err
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ([], "live needs --backlight"),
+        (["--target-loss", "2"], "--target-loss must lie in 0 to 1, got 2"),
+        (["--backlight", "sysfs:none_such", "--display", "laptop-lcd"], "fitted on"),
+        (["--status"], "live does not run"),
+    ],
+)
+def test_what_cannot_be_is_told_in_a_line(words, told, command, tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    done = command("live", *words)
+    assert done.code == 2
+    assert told in done.err
+    assert done.err.count("\n") == 1
+
+
+def test_a_killed_program_leaves_the_brightness_that_its_user_has_set(tmp_path: Path) -> None:
+    """Found at 900, dimmed, set to 600 by its user, dimmed further, killed."""
+    program = tmp_path / "panel.py"
+    program.write_text(PROGRAM)
+    step = tmp_path / "panel.step"
+    step.write_text("900")
+    code = (
+        "import sys, time\n"
+        "from evenlight.experiments.follow.watchdog import kept_backlight\n"
+        f"device, watchdog = kept_backlight('exec:{sys.executable} {program}', '')\n"
+        "device.set_factor(0.7); watchdog.bring_back(0.6); device.set_factor(0.4)\n"
+        "print('dimmed', flush=True); time.sleep(600)\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "dimmed\n"
+        assert step.read_text() == "400"
+        process.kill()
+    end = time.monotonic() + 120
+    while step.read_text() != "600":
+        assert time.monotonic() < end, step.read_text()
+        time.sleep(0.02)
