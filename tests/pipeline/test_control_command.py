@@ -91,7 +91,8 @@ def test_the_results_say_what_the_controller_did(command, tmp_path: Path, walk: 
     assert track.contrast_loss[0] == pytest.approx(0.05, abs=1e-9)  # it begins at the target
     varies, evenly = alike(control["sd_loss"], control["sd_loss_constant"])
     assert f"the loss varies by {varies} points over time (SD), by {evenly} points at constant" in said
-    assert watts(summary["mean_power_w"]) in said
+    full, mean = summary["full_power_w"], summary["mean_power_w"]
+    assert f"({watts(full - mean).removesuffix(' W')} of {watts(full)}" in said
     require_fit(open_video(str(walk)), load_track(tmp_path / "out").track)  # `play` takes it
 
 
