@@ -402,10 +402,16 @@ def test_a_figure_of_the_price_of_invisibility_that_lies_beside_the_page_is_in_i
 
 
 def test_an_option_that_its_words_name_is_shown_without_backticks(content: PlayerContent) -> None:
-    data = replace(content.data, summary=replace(content.data.summary, power_model="surace2025"))
-    header = player_html(replace(content, data=data)).partition("<header>")[2].partition("</header>")[0]
-    assert "as --power-model)" in header
-    assert "`" not in header
+    unknown = dict.fromkeys(("power_model", "mean_power", "baseline_power", "full_power"))
+    for known, words in (
+        ({"power_model": "surace2025"}, "as --power-model)"),
+        (unknown, "(evenlight run power-"),
+    ):
+        data = replace(content.data, summary=replace(content.data.summary, **known))
+        page = player_html(replace(content, data=data))
+        told = page.partition("What the figures above rest on</summary>")[2].partition("</details>")[0]
+        assert words in told
+        assert "`" not in told
 
 
 def luminance(colour: str) -> float:
