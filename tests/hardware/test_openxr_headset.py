@@ -279,37 +279,19 @@ def test_where_the_eyes_look_is_known_while_they_are_tracked(fake: FakeSession) 
     """The eyes' space is located as the head's is; a failure of it leaves the head's alone."""
     assert fake.headset.begin_frame().gaze is None  # there is nothing to ask
     fake.controllers.gaze = "eyes"
-    assert fake.headset.begin_frame().gaze == Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-    locate, flags = fake.runtime.xr.locate_space, xr.SpaceLocationFlags
-    for fails in (True, False):
+    assert fake.headset.begin_frame().gaze == Pose()
+    locate, answers = fake.runtime.xr.locate_space, iter([False, True])
 
-        def located(space: Any, *rest: Any, fails: bool = fails) -> Any:
-            if space == "eyes" and fails:
-                raise xr.exception.TimeInvalidError
-            found = locate(space, *rest)
-            if space == "eyes":  # closed
-                found.location_flags = flags.ORIENTATION_VALID_BIT | flags.POSITION_VALID_BIT
-            return found
+    def located(space: Any, *rest: Any) -> Any:
+        if space == "eyes" and next(answers):
+            raise xr.exception.TimeInvalidError
+        return (
+            xr.SpaceLocation(xr.SpaceLocationFlags(3)) if space == "eyes" else locate(space, *rest)
+        )  # closed
 
-        fake.runtime.xr.locate_space = located
-        frame = fake.headset.begin_frame()
-        assert (frame.gaze, frame.tracked) == (None, True)
-
-
-@pytest.mark.parametrize("gaze", [False, True])
-def test_a_runtime_is_asked_where_the_eyes_look_only_for_a_log(gaze: bool) -> None:
-    asked: list[Any] = []
-
-    def create(info: Any) -> Any:
-        asked.append(info.enabled_extension_names)
-        raise xr.exception.RuntimeFailureError
-
-    offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, openxr_runtime.GAZE]
-    found = [xr.ExtensionProperties(name, 1) for name in (*offered, *openxr_runtime.CLOCKS.values())]
-    fake = FakeRuntime(enumerate_instance_extension_properties=lambda: found, create_instance=create)
-    with pytest.raises(InputError):
-        OpenXRRuntime(fake.xr, gaze=gaze)
-    assert (openxr_runtime.GAZE.encode() in list(asked[0])) is gaze
+    fake.runtime.xr.locate_space = located
+    frames = [fake.headset.begin_frame() for _ in range(2)]
+    assert [(frame.gaze, frame.tracked) for frame in frames] == 2 * [(None, True)]
 
 
 def fails_once(fake: FakeSession, function: str) -> None:
@@ -575,8 +557,11 @@ def test_a_runtime_without_what_is_needed_is_refused(missing: str, message: str)
         OpenXRRuntime(fake.xr)
 
 
-def test_a_runtime_without_a_headset_is_told() -> None:
-    offered = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()]
+@pytest.mark.parametrize("gaze", [False, True])
+def test_a_runtime_without_a_headset_is_told(gaze: bool) -> None:
+    """Where the eyes look it is asked for a log only."""
+    needed = [openxr_runtime.OPENGL, openxr_runtime.TIMESPEC, *openxr_runtime.CLOCKS.values()]
+    offered, enabled = [*needed, openxr_runtime.GAZE], list[bytes]()
 
     def none_there(*_: Any) -> None:
         raise xr.exception.FormFactorUnavailableError
@@ -584,7 +569,7 @@ def test_a_runtime_without_a_headset_is_told() -> None:
     closed: list[Any] = []
     fake = FakeRuntime(
         enumerate_instance_extension_properties=lambda: [xr.ExtensionProperties(name, 1) for name in offered],
-        create_instance=lambda _: "instance",
+        create_instance=lambda info: enabled.extend(info.enabled_extension_names) or "instance",
         get_instance_properties=lambda _: xr.InstanceProperties(xr.Version(1, 2, 3), "Fake"),
         get_system=none_there,
         destroy_instance=closed.append,
@@ -592,8 +577,9 @@ def test_a_runtime_without_a_headset_is_told() -> None:
     with pytest.raises(
         InstrumentError, match=r"Fake \(1.2.3\) has no headset \(XR_ERROR_FORM_FACTOR_UNAVAIL"
     ):
-        OpenXRRuntime(fake.xr)
+        OpenXRRuntime(fake.xr, gaze=gaze)
     assert closed == ["instance"]
+    assert (openxr_runtime.GAZE.encode() in enabled) is gaze
 
 
 @pytest.mark.parametrize(
