@@ -16,7 +16,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind
 from evenlight.experiments.desktop.live_command import LiveOptions
 from evenlight.experiments.desktop.live_loop import LiveLoop, Monitor
-from evenlight.experiments.desktop.live_state import LiveState, running, toggle_pause, write_state
+from evenlight.experiments.desktop.live_state import LiveState, only_one, running, toggle_pause, write_state
 from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
 from evenlight.experiments.desktop.resting import others_at_work, reasons
 from evenlight.experiments.desktop.screens import WatchedScreen, opened_screens
@@ -88,6 +88,7 @@ def _dim(options: LiveOptions) -> None:
     known = power_model is not None and power_model.kind is PanelKind.LCD
     watts = float(power_per_factor(power_model, np.ones((1, 3)))[0]) if known else None
     with ExitStack() as stack:
+        stack.callback(only_one().release)
         grabber = stack.enter_context(opened_screens())
         if len(options.backlight) > len(grabber.monitors) - 1:
             raise InputError(

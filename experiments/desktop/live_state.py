@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
-import tempfile
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.whole_files import write_whole
+from evenlight.hardware.drivers.device_lock import DeviceLock
+from evenlight.hardware.protocols import InstrumentError
+from evenlight.stimuli.scenes.engine.array_cache import cache_folder
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +59,25 @@ def state_file() -> Path:
     session = os.environ.get("XDG_RUNTIME_DIR")
     if session and Path(session).is_dir():
         return Path(session) / "evenlight-live.json"
-    return Path(tempfile.gettempdir()) / f"evenlight-live-{os.getuid()}.json"
+    return cache_folder() / "live.json"
+
+
+def only_one() -> DeviceLock:
+    """Return a lock that one program of this user may hold: two would take each other for their user.
+
+    It ends with its process. What is left of an earlier one is removed: its number may be another's by now.
+
+    Raises
+    ------
+    InstrumentError
+        If another one runs.
+    """
+    file = state_file().with_suffix(".lock")
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.touch()
+    lock = DeviceLock(file, "evenlight live")
+    state_file().unlink(missing_ok=True)
+    return lock
 
 
 def write_state(state: LiveState) -> None:
@@ -73,8 +94,9 @@ def running() -> LiveState:
         If none runs.
     """
     try:
+        with contextlib.suppress(InstrumentError):
+            only_one().release()  # and its state is gone
         found = json.loads(state_file().read_bytes())
-        os.kill(found["pid"], 0)
         monitors = tuple(MonitorState(**one) for one in found.pop("monitors"))
         return LiveState(**found, monitors=monitors)
     except (OSError, ValueError, TypeError, KeyError):

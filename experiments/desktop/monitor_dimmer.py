@@ -2,7 +2,7 @@
 
 What the user sets counts as full: the loss is that beside the picture at that brightness, and the factor is a
 share of it. Whoever moves the backlight meanwhile (keys, a slider, a daemon) is right: the ceiling goes with
-them, and the factor below it stays.
+them, and the factor below it stays. Where that would be above full, it is dimmed no lower than what they set.
 """
 
 from __future__ import annotations
@@ -61,6 +61,7 @@ class MonitorDimmer:
         self._path = [(-np.inf, self.set_to)]  # when it was set, and to what
         self._light: ScreenLight | None = None
         self._before, self._changed = 0.0, -np.inf
+        self._floor = 0.0  # set by a user who found full backlight dimmed too far
         self.resting = False
 
     @property
@@ -78,7 +79,8 @@ class MonitorDimmer:
         """Where the backlight is wanted: at the lowest factor that loses no more than the target."""
         if self.resting or self._light is None:
             return self.ceiling
-        lowest = min(max(self._lowest * self.ceiling, self._backlight.smallest_factor()), self.ceiling)
+        lowest = max(self._lowest * self.ceiling, self._floor, self._backlight.smallest_factor())
+        lowest = min(lowest, self.ceiling)
         at = np.concatenate(
             [[lowest], self._knots[(self._knots > lowest) & (self._knots < self.ceiling)], [self.ceiling]]
         )
@@ -105,20 +107,27 @@ class MonitorDimmer:
         if found is None:
             return False
         share = self.factor
-        self.ceiling = min(found / share, 1.0) if share > 0 else found
+        full = found / share if share > 0 else found
+        self.ceiling = min(full, 1.0)
+        self._floor = 0.0 if self.resting or full <= 1 + self._backlight.step() else found
         self.set_to, self._path = found, [(now, found)]
         return True
 
     def _set_by_others(self, now: float) -> float | None:
         """Return where somebody else has set the backlight; None if nobody has.
 
-        A device may be late to tell what it was set to: where it was within the last second is its own way.
+        A device may be late to tell what it was set to: where it was within the last second is its own way,
+        but for what it has told to be past.
         """
         while len(self._path) > 1 and self._path[1][0] <= now - LATE:
             del self._path[0]
         found, room = self._backlight.read_factor(), HALF_A_STEP * self._backlight.step()
-        own = [factor for _, factor in self._path]
-        return None if min(own) - room <= found <= max(own) + room else found
+        for k in reversed(range(len(self._path))):
+            between = [factor for _, factor in self._path[k : k + 2]]
+            if min(between) - room <= found <= max(between) + room:
+                del self._path[:k]
+                return None
+        return found
 
     def step(self, now: float) -> bool:
         """Set the backlight as near to where it is wanted as the limit allows; return whether it was set.

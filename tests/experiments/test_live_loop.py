@@ -18,7 +18,7 @@ from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.experiments.desktop import live_desktop, live_state, resting, screens, user_service
 from evenlight.experiments.desktop.live_loop import LiveLoop, Monitor
-from evenlight.experiments.desktop.live_state import LiveState, MonitorState, running, write_state
+from evenlight.experiments.desktop.live_state import LiveState, MonitorState, only_one, running, write_state
 from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
 from evenlight.experiments.desktop.screens import WatchedScreen
 from evenlight.hardware.protocols import InstrumentError
@@ -173,8 +173,13 @@ def test_the_state_is_found_while_its_program_runs(tmp_path: Path, monkeypatch: 
         running()
     one = MonitorState("sysfs:panel", 0.9, 0.5, 0.031, "paused")
     state = LiveState(os.getpid(), 7200.0, 0.6, None, 72.0, (one,))
+    lock = only_one()
+    with pytest.raises(InputError, match="live does not run"):  # so far it has looked at nothing
+        running()
     write_state(state)
     assert running() == state
+    with pytest.raises(InstrumentError, match="evenlight live: is in use by this program already"):
+        only_one()
     assert state.in_words().splitlines() == [
         "sysfs:panel: factor 0.50 of the brightness set (90%), loses 3.1% of its visible contrast; resting: "
         "paused",
@@ -187,6 +192,10 @@ def test_the_state_is_found_while_its_program_runs(tmp_path: Path, monkeypatch: 
     (tmp_path / "evenlight-live.json").write_text('{"pid": "x"')
     with pytest.raises(InputError, match="live does not run"):
         running()
+    write_state(state)
+    lock.release()  # its number is that of a process that runs, and no longer one of ours
+    with pytest.raises(InputError, match="live does not run"):
+        live_state.toggle_pause()
 
 
 def test_it_rests_with_programs_and_on_mains_power(tmp_path: Path) -> None:

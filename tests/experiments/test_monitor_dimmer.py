@@ -69,6 +69,35 @@ def test_what_its_user_sets_is_kept_and_not_set_over() -> None:
     assert desk.dimmer.ceiling == 1.0  # there is no more
 
 
+def test_its_user_may_raise_what_full_backlight_was_dimmed_to() -> None:
+    """Full is 1, dimmed to 0.8 and raised to 0.9: no lower from then on, until it is lowered."""
+    desk = Desk()
+    desk.dimmer.see(STRAIGHT)
+    desk.run(8.0)
+    desk.backlight.set_factor(0.9)
+    assert desk.dimmer.notice_user(desk.now)
+    desk.run(8.0)
+    assert desk.backlight.read_factor() == 0.9
+    desk.backlight.set_factor(0.85)
+    assert desk.dimmer.notice_user(desk.now)
+    desk.run(8.0)
+    assert desk.dimmer.loss == pytest.approx(0.04, abs=1e-3)
+    assert desk.dimmer.factor < 0.85
+
+
+def test_its_user_wins_against_a_step_that_was_just_made() -> None:
+    """At 2 of 5 cd/m^2 each second it is at 0.92 after 0.2 s, and is set to where it was after 0.1 s."""
+    desk = Desk()
+    desk.dimmer.see(ScreenLight(5.0, STRAIGHT.loss))
+    desk.run(0.2)
+    desk.dimmer.notice_user(desk.now)
+    at = desk.dimmer.set_to
+    desk.backlight.set_factor(at + 0.04)
+    assert not desk.dimmer.step(desk.now)
+    assert desk.dimmer.notice_user(desk.now)
+    assert desk.dimmer.set_to == pytest.approx(at + 0.04, abs=1e-4)
+
+
 def test_at_rest_it_goes_back_within_the_limit() -> None:
     desk = Desk()
     desk.dimmer.see(STRAIGHT)
