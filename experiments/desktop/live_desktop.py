@@ -52,12 +52,16 @@ def live_as_asked(options: LiveOptions) -> None:
         raise InputError(
             "evenlight live drives backlights of Linux; on Windows there is no driver for them yet"
         )
+    number("target_loss", options.target_loss, 0.0, 1.0)
+    number("min_factor", options.min_factor, 0.01, 1.0)
     if options.status:
         typer.echo(running().in_words())
     elif options.pause:
         toggle_pause()
     elif options.uninstall:
         uninstall()
+    elif not options.backlight:
+        raise InputError("live needs --backlight (`evenlight measure list` shows those of this computer)")
     elif options.install:
         _install()
     else:
@@ -75,10 +79,7 @@ def _install() -> None:
 
 def _dim(options: LiveOptions) -> None:
     tell: Callable[[str], None] = (lambda _: None) if options.quiet else typer.echo
-    number("target_loss", options.target_loss, 0.0, 1.0)
-    number("min_factor", options.min_factor, 0.01, 1.0)
-    if not options.backlight:
-        raise InputError("live needs --backlight (`evenlight measure list` shows those of this computer)")
+    backlights = options.backlight or []
     limit = load_rate_limit(options.rate_limit)
     display = display_for(limit, options.display)
     limit = usable_limit(limit, display, options.other_display_ok, options.accept_wide_band, options.noticed)
@@ -90,12 +91,12 @@ def _dim(options: LiveOptions) -> None:
     with ExitStack() as stack:
         stack.callback(only_one().release)
         grabber = stack.enter_context(opened_screens())
-        if len(options.backlight) > len(grabber.monitors) - 1:
-            raise InputError(
-                f"there are {len(options.backlight)} backlights for {len(grabber.monitors) - 1} monitors"
-            )
+        if len(backlights) > (count := len(grabber.monitors) - 1):
+            raise InputError(f"there are {len(backlights)} backlights, and monitors: {count}")
         monitors = []
-        for place, name in enumerate(options.backlight, start=1):
+        for place, name in enumerate(backlights, start=1):
+            area = grabber.monitors[place]
+            tell(f"{name}: monitor {place}, {area['width']}x{area['height']} at {area['left']},{area['top']}")
             device, watchdog = kept_backlight(name, options.backlight_curve)
             dimmer = MonitorDimmer(device, fastest, knots, options.target_loss, options.min_factor)
             screen = WatchedScreen(grabber, place, display, model, knots)

@@ -23,9 +23,15 @@ def programs(root: Path = PROCESSES) -> set[str]:
     return found
 
 
+def named(names: Sequence[str], programs: set[str]) -> list[str]:
+    """Return the programs that begin with names: gimp-2.10 is gimp."""
+    return sorted(one for one in programs if one.startswith(tuple(name[:15] for name in names)))
+
+
 def on_mains(root: Path = SUPPLIES) -> bool:
     """Return whether a supply of mains power is connected; true where the computer has no battery."""
-    supplies = {path: _first_line(path / "type") for path in root.glob("*")}
+    own = [path for path in root.glob("*") if _first_line(path / "scope") != "Device"]  # not a mouse's
+    supplies = {path: _first_line(path / "type") for path in own}
     mains = [path for path, kind in supplies.items() if kind in ("Mains", "USB")]
     return "Battery" not in supplies.values() or any(_first_line(path / "online") == "1" for path in mains)
 
@@ -50,8 +56,8 @@ def reasons(
 
     @functools.lru_cache(maxsize=1)
     def looked(_: int) -> str:
-        if rest_with and (seen := {name[:15] for name in rest_with} & running()):
-            return f"{min(seen)} runs"
+        if rest_with and (seen := named(rest_with, running())):
+            return f"{seen[0]} runs"
         return "mains power" if on_battery and mains() else ""
 
     return lambda now: looked(int(now // OFTEN))
@@ -59,7 +65,7 @@ def reasons(
 
 def others_at_work(running: Callable[[], set[str]] = programs) -> str:
     """Return a line on programs that change brightness or colours by themselves; empty for none."""
-    found = sorted(running() & {name[:15] for name in OTHERS})
+    found = named(OTHERS, running())
     return f"{', '.join(found)} runs: what it sets counts as set by you" if found else ""
 
 

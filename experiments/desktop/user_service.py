@@ -23,10 +23,11 @@ def unit_file() -> Path:
 def unit(arguments: list[str]) -> str:
     """Return the unit that runs `evenlight live` with some arguments."""
     command = shlex.join([sys.executable, "-m", "evenlight", "live", *arguments, "--quiet"])
+    command, here = (text.replace("%", "%%") for text in (command.replace("$", "$$"), str(Path.cwd())))
     return (
         "[Unit]\nDescription=Evenlight: the backlight follows what is on the screen\n"
         "PartOf=graphical-session.target\nAfter=graphical-session.target\n\n"
-        f"[Service]\nExecStart={command.replace('%', '%%')}\nRestart=on-failure\nNice=10\n\n"
+        f"[Service]\nWorkingDirectory={here}\nExecStart={command}\nRestart=on-failure\nNice=10\n\n"
         "[Install]\nWantedBy=graphical-session.target\n"
     )
 

@@ -206,13 +206,16 @@ def test_it_rests_with_programs_and_on_mains_power(tmp_path: Path) -> None:
     assert ours == {"gimp-2.10", "wluma", "xterm"}
     assert resting.others_at_work(lambda: ours) == "wluma runs: what it sets counts as set by you"
     assert resting.others_at_work(lambda: {"xterm"}) == ""
-    assert resting.reasons(["krita", "gimp-2.10"], False, lambda: ours)(0.0) == "gimp-2.10 runs"
+    assert resting.reasons(["krita", "gimp"], False, lambda: ours)(0.0) == "gimp-2.10 runs"
     assert resting.reasons(["krita"], False, lambda: ours)(0.0) == ""
     supplies = tmp_path / "supplies"
     assert resting.on_mains(supplies)  # no battery
-    for name, kind in (("BAT0", "Battery"), ("AC", "Mains")):
+    for name, kind in (("mouse", "Battery"), ("BAT0", "Battery"), ("AC", "Mains")):
         (supplies / name).mkdir(parents=True)
         (supplies / name / "type").write_text(f"{kind}\n")
+        if name == "mouse":
+            (supplies / name / "scope").write_text("Device\n")
+            assert resting.on_mains(supplies)
     assert not resting.on_mains(supplies)
     (supplies / "AC" / "online").write_text("1\n")
     assert resting.on_mains(supplies)
@@ -231,8 +234,9 @@ def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, c
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
-    text = user_service.unit(["--backlight", "sysfs:my panel", "--target-loss", "5%"])
-    assert "live --backlight 'sysfs:my panel' --target-loss 5%% --quiet" in text
+    text = user_service.unit(["--backlight", "sysfs:my panel", "--rate-limit", "$5%.json"])
+    assert "live --backlight 'sysfs:my panel' --rate-limit '$$5%%.json' --quiet" in text
+    assert f"\nWorkingDirectory={Path.cwd()}\n" in text  # where the files are that it names
     user_service.install(text)
     assert user_service.unit_file().read_text() == text
     done = command("live", "--uninstall")
@@ -251,6 +255,7 @@ def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, c
     ("words", "told"),
     [
         ([], "live needs --backlight"),
+        (["--install"], "live needs --backlight"),
         (["--target-loss", "2"], "--target-loss must lie in 0 to 1, got 2"),
         (["--backlight", "sysfs:none_such", "--display", "laptop-lcd"], "fitted on"),
         (["--status"], "live does not run"),

@@ -87,6 +87,7 @@ def desktop(tmp_path: Path) -> Iterator[Desktop]:
 def test_the_brightness_of_its_user_comes_back_however_it_ends(desktop: Desktop, end: str) -> None:
     """Dimmed from 900; its user sets 600, which is kept, and the ceiling goes with it."""
     desktop.becomes(lambda step: step < FOUND - 5)
+    assert (desktop.said() or "").endswith("panel.py: monitor 1, 640x480 at 0,0\n")
     desktop.set_to(SET)
     while (said := desktop.said()) is None:
         desktop.set_to(SET)  # again: the panel's program wrote at the same moment
