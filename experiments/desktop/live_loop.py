@@ -6,20 +6,13 @@ import os
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from evenlight.experiments.desktop.live_state import LiveState, MonitorState
-from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer, ScreenLight
+from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
+from evenlight.experiments.desktop.screens import WatchedScreen
 
 LOOKS = 0.25  # [s] between two
 TOLD = 2.0  # [s] between two states that are kept
-
-
-class Screen(Protocol):
-    """What looks at a monitor."""
-
-    def look(self, now: float) -> ScreenLight | None:
-        """Return what is on it; None where that is as before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +20,7 @@ class Monitor:
     """A monitor: what looks at it, and what moves its backlight."""
 
     backlight: str
-    screen: Screen
+    screen: WatchedScreen
     dimmer: MonitorDimmer
     bring_back: Callable[[float], None]  # is told the brightness that its user has set
 
@@ -90,8 +83,8 @@ class LiveLoop:
                 one.bring_back(one.dimmer.ceiling)
                 self._tell(f"{one.backlight} was set to {one.dimmer.set_to:.0%}: kept")
             one.dimmer.resting = bool(why)
-            if not why and (seen := one.screen.look(now)) is not None:
-                one.dimmer.see(seen)
+            if not why:
+                one.dimmer.see(one.screen.look(now))
         self._count(now)
         if now >= self._tell_at:
             self._keep(self.state(now))

@@ -19,8 +19,10 @@ from evenlight.data_schema.errors import InputError
 from evenlight.experiments.desktop.monitor_dimmer import ScreenLight
 from evenlight.hardware.protocols import InstrumentError
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
+from evenlight.method.contrast.frame_light import FrameLight
 
 MOST_WORK = 0.05  # of one core, that analyses may take: the next one waits for it
+APART = 7  # pixels of which the light is taken meanwhile are so far apart
 
 
 @contextmanager
@@ -74,25 +76,30 @@ class WatchedScreen:
         self._analysis = FrameAnalysis(shape, display, model, knots)
         self._before: bytearray | None = None
         self._waits_until = 0.0
-        self._analysis.of(np.zeros((*shape, 3), np.uint8))  # compiles, which is no work of a look
+        self._light = FrameLight(display, model.pixel_to_luminance)
+        found = self._analysis.of(np.zeros((*shape, 3), np.uint8))  # compiles, which is no work of a look
+        self._seen = ScreenLight(found.mean_luminance, found.loss)
         self.looks = self.analyses = 0
 
-    def look(self, now: float) -> ScreenLight | None:
-        """Return what is on it; None where that is as before, or too early to analyse."""
+    def look(self, now: float) -> ScreenLight:
+        """Return what is on it; where it is too early to analyse, its light beside the loss of before."""
         try:
             shot = self._grabber.grab(self._area)
         except Exception as error:
             raise InstrumentError(f"the screen cannot be looked at any more: {in_one_line(error)}") from None
         self.looks += 1
-        if shot.raw == self._before or now < self._waits_until:
-            return None
+        if shot.raw == self._before:
+            return self._seen
+        pixels = np.frombuffer(shot.raw, np.uint8).reshape(shot.height, shot.width, 4)[..., 2::-1]
+        if now < self._waits_until:
+            light = self._light.luminance(pixels[::APART, ::APART])
+            return ScreenLight(float(light.mean()), self._seen.loss)
         self._before, began = shot.raw, time.process_time()
-        height, width = shot.height, shot.width
-        pixels = np.frombuffer(shot.raw, np.uint8).reshape(height, width, 4)[..., 2::-1]
         found = self._analysis.of(np.ascontiguousarray(pixels))
         self.analyses += 1
         self._waits_until = now + (time.process_time() - began) / MOST_WORK
-        return ScreenLight(found.mean_luminance, found.loss)
+        self._seen = ScreenLight(found.mean_luminance, found.loss)
+        return self._seen
 
 
 def in_one_line(error: Exception) -> str:

@@ -76,25 +76,31 @@ class Desktop:
 def test_a_picture_is_analysed_once_and_as_any_frame_is() -> None:
     desk = Desktop()
     seen = desk.screen.look(0.0)
-    assert seen is not None
     rgb = np.ascontiguousarray(desk.grabber.pixels[..., 2::-1])
     known = analyze_frames([Frame(0.0, 1.0, rgb)], "screen", DISPLAY, factors=KNOTS)
     np.testing.assert_array_equal(seen.loss, known.loss[0])
     assert seen.luminance == known.mean_luminance[0]
-    assert [desk.screen.look(100.0 + k) for k in range(3)] == [None] * 3
+    assert all(desk.screen.look(100.0 + k) is seen for k in range(3))
     desk.grabber.change()
-    assert desk.screen.look(200.0) is not None
+    assert desk.screen.look(200.0) is not seen
     assert (desk.screen.looks, desk.screen.analyses) == (5, 2)
 
 
 def test_the_next_analysis_waits_for_the_work_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a second of work at 5 % of a core: ten seconds."""
+    """Half a second of work at 5 % of a core: ten seconds, in which its light is known at once."""
     desk, work = Desktop(), iter([0.0, 0.5, 0.5, 0.5])
     monkeypatch.setattr(screens.time, "process_time", lambda: next(work))
-    assert desk.screen.look(0.0) is not None
-    desk.grabber.change()
-    assert desk.screen.look(9.9) is None
-    assert desk.screen.look(10.1) is not None
+    noise, before = desk.grabber.pixels, desk.screen.look(0.0)
+    desk.grabber.pixels = np.full_like(noise, 255)
+    early = desk.screen.look(9.9)
+    assert desk.screen.analyses == 1
+    assert early.loss is before.loss
+    assert early.luminance == pytest.approx(DISPLAY.peak_luminance)
+    desk.grabber.pixels = noise
+    assert desk.screen.look(9.95) is before
+    desk.grabber.pixels = np.full_like(noise, 255)
+    assert not desk.screen.look(10.1).loss.any()  # white has nothing to lose
+    assert desk.screen.analyses == 2
 
 
 def test_it_dims_rests_and_tells_what_its_user_has_set() -> None:
