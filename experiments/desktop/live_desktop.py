@@ -69,8 +69,7 @@ def live_as_asked(options: LiveOptions) -> None:
 
 
 def _install() -> None:
-    given = [word for word in sys.argv[sys.argv.index("live") + 1 :] if word != "--install"]
-    text = unit(given)
+    text = unit([word for word in sys.argv[sys.argv.index("live") + 1 :] if word != "--install"])
     typer.echo(f"{unit_file()}:\n\n{text}")
     if typer.confirm("Write this file, and start it now and with each session?"):
         install(text)

@@ -104,8 +104,6 @@ class LiveLoop:
             MonitorState(one.backlight, one.dimmer.ceiling, one.dimmer.factor, one.dimmer.loss, self._why)
             for one in self._monitors
         )
-        work = time.process_time() - self._work
         saved = None if self._watts is None else self._saved
-        counted = self._counted - self._begun
-        mean = self._mean / counted if counted > 0 else 1.0
-        return LiveState(os.getpid(), seconds, mean, saved, work, monitors)
+        mean = self._mean / max(self._counted - self._begun, 1e-9)
+        return LiveState(os.getpid(), seconds, mean, saved, time.process_time() - self._work, monitors)

@@ -103,8 +103,6 @@ def running() -> LiveState:
         raise InputError("evenlight live does not run: start it with --backlight, or --install it") from None
 
 
-def toggle_pause() -> int:
-    """Tell the running program to rest, or to go on; return its process number."""
-    pid = running().pid
-    os.kill(pid, signal.SIGUSR1)
-    return pid
+def toggle_pause() -> None:
+    """Tell the running program to rest, or to go on."""
+    os.kill(running().pid, signal.SIGUSR1)

@@ -79,7 +79,7 @@ class WatchedScreen:
         self._light = FrameLight(display, model.pixel_to_luminance)
         found = self._analysis.of(np.zeros((*shape, 3), np.uint8))  # compiles, which is no work of a look
         self._seen = ScreenLight(found.mean_luminance, found.loss)
-        self.looks = self.analyses = 0
+        self.analyses = 0
 
     def look(self, now: float) -> ScreenLight:
         """Return what is on it; where it is too early to analyse, its light beside the loss of before."""
@@ -87,7 +87,6 @@ class WatchedScreen:
             shot = self._grabber.grab(self._area)
         except Exception as error:
             raise InstrumentError(f"the screen cannot be looked at any more: {in_one_line(error)}") from None
-        self.looks += 1
         if shot.raw == self._before:
             return self._seen
         pixels = np.frombuffer(shot.raw, np.uint8).reshape(shot.height, shot.width, 4)[..., 2::-1]

@@ -218,6 +218,23 @@ def test_lights_of_the_file_light_it(tmp_path):
     np.testing.assert_allclose(light[middle].mean(axis=0), 22.5 / math.pi * np.array([1, 1, 0.5]), rtol=0.05)
 
 
+def test_no_light_is_brighter_than_what_is_stored(tmp_path):
+    """Blender's lamp of 1000 W goes out as 54 351 cd; a quarter of a ball's surface is seen (Cauchy)."""
+    glb = matt_room()
+    lights = [{"type": "point", "intensity": 54351.0}]
+    glb.header["extensions"] = {"KHR_lights_punctual": {"lights": lights}}
+    glb.header["nodes"].append({"extensions": {"KHR_lights_punctual": {"light": 0}}})
+    glb.header["scenes"][0]["nodes"].append(2)
+    strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 1e6}}
+    glb.header["materials"][LAMP] |= {"emissiveFactor": [1, 1, 1], "extensions": strength}
+    scene = read(tmp_path, glb)
+    assert np.isfinite(scene.patches.emission.astype(np.float16)).all()
+    ball = scene.patches.emission[:, 0] * (scene.patches.material == 0) / 4
+    area = np.linalg.norm(np.cross(scene.patches.along, scene.patches.across), axis=1) / 2
+    assert (ball * area).sum() == pytest.approx(54351, rel=1e-3)
+    assert "a lamp brighter than 60000 cd/m² (no brighter)" in {one.feature for one in scene.unlike}
+
+
 def straight_down(height: float) -> CameraPath:
     points = [Keypoint(name, time, (0.0, 0.0, height), 0.0, -90.0) for name, time in (("a", 0.0), ("b", 1.0))]
     return CameraPath("down", "room.glb", 1.0, tuple(points))

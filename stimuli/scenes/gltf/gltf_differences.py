@@ -15,6 +15,7 @@ from evenlight.stimuli.scenes.engine.material_textures import material_textures
 from evenlight.stimuli.scenes.engine.scene import Difference, Scene
 from evenlight.stimuli.scenes.engine.seen_patches import seen_along
 from evenlight.stimuli.scenes.engine.vertices import BLENDED, kinds_of
+from evenlight.stimuli.scenes.gltf.gltf_file import BRIGHTEST
 from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named, paint_of
 
 SMOOTH = 0.7  # gloss from which a surface would show what is around it
@@ -60,6 +61,8 @@ def differences_of(header: dict[str, Any], parts: list[Part]) -> list[Difference
 
 def _of_material(header: dict[str, Any], entry: dict[str, Any]) -> Iterator[str]:
     light = light_of(entry)
+    if light.max() >= BRIGHTEST:
+        yield f"a lamp brighter than {BRIGHTEST:g} cd/m² (no brighter)"
     if light.any() and "emissiveTexture" not in entry:  # nothing but light is drawn
         if light.min() < DRAWN_AS_BRIGHTEST:
             yield "base colour of a lamp (only its light)"

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 SUFFIXES = (".glb", ".gltf")
 MAGIC, JSON_CHUNK, BINARY_CHUNK = b"glTF", 0x4E4F534A, 0x004E4942  # glTF 2.0 specification, 4.4
+BRIGHTEST = 60_000.0  # [cd/m^2] light is stored in 16 bits
 UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # from y up to z up
 TABLES = ("buffers", "images", "accessors")  # lists of them
 # Extensions that a file may require: those of materials are read, or listed as not shown.

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.input_sizes import MOST_SCENE_PIXELS, require_size
 from evenlight.stimuli.scenes.engine.scene import Floats, Material, Sampling
-from evenlight.stimuli.scenes.gltf.gltf_file import GltfFile
+from evenlight.stimuli.scenes.gltf.gltf_file import BRIGHTEST, GltfFile
 
 if TYPE_CHECKING:
     from PIL.Image import Image
@@ -162,9 +162,10 @@ def named(entry: dict[str, Any], otherwise: str) -> str:
 
 
 def light_of(entry: dict[str, Any]) -> Floats:
-    """Return the light of a material before its texture, linear RGB, (3,) [cd/m^2]."""
+    """Return the light of a material before its texture, linear RGB, (3,) [cd/m^2], at most BRIGHTEST."""
     strength = extension(entry, "KHR_materials_emissive_strength").get("emissiveStrength", 1)
-    return np.asarray(numbers(entry.get("emissiveFactor", (0, 0, 0)), 3) * numbers([strength], 1))
+    given = numbers(entry.get("emissiveFactor", (0, 0, 0)), 3) * numbers([strength], 1)
+    return np.asarray(given.clip(max=BRIGHTEST))
 
 
 def extension(entry: dict[str, Any], name: str) -> dict[str, Any]:

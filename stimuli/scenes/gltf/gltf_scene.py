@@ -24,7 +24,7 @@ from evenlight.stimuli.scenes.engine.camera_path_file import light_in
 from evenlight.stimuli.scenes.engine.scene import REC_709, SEED, Difference, Floats, Patches, Scene, Sky, Sun
 from evenlight.stimuli.scenes.engine.shapes import at_right_angles, widest_corner_first
 from evenlight.stimuli.scenes.gltf.gltf_differences import Part, differences_of
-from evenlight.stimuli.scenes.gltf.gltf_file import UPRIGHT, GltfFile, in_one_line
+from evenlight.stimuli.scenes.gltf.gltf_file import BRIGHTEST, UPRIGHT, GltfFile, in_one_line
 from evenlight.stimuli.scenes.gltf.gltf_materials import Surface, Surfaces, extension, named, numbers
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ MOST_TRIANGLES = 1_000_000
 MOST_ENTRIES = 20 * MOST_TRIANGLES  # of its lists of numbers, as often as meshes name them
 STRIP, FAN = 5, 6  # glTF 2.0 specification, 5.24
 LIGHTS = "KHR_lights_punctual"
-RADIUS = 0.02  # [m] of the ball that a point of light becomes
+RADIUS = 0.02  # [m] of the ball that a point of light becomes, at least
 FAINTEST = 0.01  # [cd/m^2] pieces under a darker part of an emissive texture do not shine
 MOST_LAMPS = 5_000  # luminous pieces: the bake looks for each of them from everywhere
 
@@ -127,14 +127,13 @@ def _lights(
 ) -> tuple[list[Patches], Sun | None, list[Difference]]:
     """Return the lamps of a file, its sun, and what of its lights is not as in the file.
 
-    A light of so many candela becomes a ball of as many on the average over directions. The brightest
-    directional light is the sun.
+    A light of so many candela becomes a ball of as many on the average over directions, large enough not to
+    be brighter than what can be stored. The brightest directional light is the sun.
     """
     import trimesh
 
     lamps, suns, unlike = list[Patches](), list[Sun](), list[Difference]()
-    given, ball = extension(file.header, LIGHTS).get("lights", []), trimesh.creation.icosahedron()
-    ball.apply_scale(RADIUS)
+    given = extension(file.header, LIGHTS).get("lights", [])
     for k, node in enumerate(file.header.get("nodes", ())):
         number = extension(node, LIGHTS).get("light")
         if number is None or str(k) not in loaded.graph.nodes:
@@ -143,6 +142,8 @@ def _lights(
         power = numbers(light.get("color", (1, 1, 1)), 3) * numbers([light.get("intensity", 1)], 1)
         x, y, z = UPRIGHT @ matrix[:3, 2] / np.linalg.norm(matrix[:3, 2])  # a light looks back along its z
         if light["type"] != "directional":
+            ball = trimesh.creation.icosahedron()
+            ball.apply_scale(max(RADIUS, math.sqrt(power.max() * 4 / BRIGHTEST / ball.area)))
             shining = surfaces.unseen(power / (ball.area / 4))  # Cauchy: a quarter of a surface is seen
             lamps += [patches_of(ball, trimesh.transformations.translation_matrix(matrix[:3, 3]), shining)]
             words = "the cone of a spot (it shines to all sides)" if light["type"] == "spot" else ""
