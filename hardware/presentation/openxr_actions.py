@@ -63,7 +63,8 @@ class MenuButton:
     """A button that says one thing when it is let go, and another when it was held.
 
     >>> button = MenuButton()
-    >>> [button.said(far, time) for time, far in enumerate((1.0, 0.0, 1.0, 1.0, 0.0))]
+    >>> pushed = {0.0: 1.0, 0.5: 0.0, 1.0: 1.0, 2.0: 1.0, 2.5: 0.0}
+    >>> [button.said(far, time) for time, far in pushed.items()]
     ['', 'menu', '', 'menu_held', '']
     """
 

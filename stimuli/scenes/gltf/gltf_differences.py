@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from evenlight.data_schema.errors import InputError
 from evenlight.progress import note
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.stimuli.scenes.engine.light.seen_patches import seen_along
 from evenlight.stimuli.scenes.engine.material_textures import material_textures
 from evenlight.stimuli.scenes.engine.scene import Difference, Scene
-from evenlight.stimuli.scenes.engine.seen_patches import seen_along
 from evenlight.stimuli.scenes.engine.vertices import BLENDED, kinds_of
 from evenlight.stimuli.scenes.gltf.gltf_file import BRIGHTEST
 from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named, paint_of
