@@ -15,6 +15,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.hardware.protocols import Backlight
 from evenlight.method.rate_limit import ScalarRateLimit, furthest_factor
 
+DARKEST = 1.0  # [cd/m^2] of a picture: in a black one no step would be seen, but in the next picture
 SHORTEST = 0.02  # [s] between two settings
 REACHED = 1e-4  # of a factor
 HALF_A_STEP = 0.51  # of the backlight's steps: from here on somebody else has set it
@@ -136,7 +137,7 @@ class MonitorDimmer:
         """
         if self._set_by_others(now) is not None:
             return False
-        goal, light = self.goal, 0.0 if self._light is None else self._light.luminance
+        goal, light = self.goal, DARKEST if self._light is None else max(self._light.luminance, DARKEST)
         passed = min(now - self._changed, 2 * self.interval)  # standing still saves up no jump
         luminance, self._before = (self._before or light, light), light
         furthest = furthest_factor(self.set_to, goal, luminance, passed, self._rate_limit)

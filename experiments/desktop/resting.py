@@ -9,7 +9,7 @@ from pathlib import Path
 PROCESSES, SUPPLIES = Path("/proc"), Path("/sys/class/power_supply")
 OFTEN = 5.0  # [s] between two looks
 # Change brightness or colours by themselves.
-OTHERS = ("clight", "wluma", "redshift", "gammastep", "wlsunset", "hyprsunset", "gsd-color", "kwin_redshift")
+OTHERS = ("clight", "wluma", "redshift", "gammastep", "wlsunset", "hyprsunset", "kwin_redshift")
 
 
 def programs(root: Path = PROCESSES) -> set[str]:

@@ -155,3 +155,14 @@ def test_a_device_that_tells_late_where_it_is_is_not_taken_for_its_user() -> Non
     assert desk.backlight.read_factor() < 0.82
     told[-25:] = [0.5] * 25
     assert desk.dimmer.notice_user(desk.now)
+
+
+def test_a_black_picture_lets_the_backlight_not_jump() -> None:
+    """At 2 cd/m^2/s a picture of 1 cd/m^2 or less takes 20 ms for 0.04."""
+    desk = Desk()
+    desk.dimmer.see(ScreenLight(0.0, np.zeros(10)))
+    for _ in range(3):
+        before = desk.dimmer.set_to
+        desk.dimmer.step(desk.now)
+        assert 0 < before - desk.dimmer.set_to <= 2.0 * 2 * desk.dimmer.interval
+        desk.now += desk.dimmer.interval
