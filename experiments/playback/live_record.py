@@ -105,7 +105,12 @@ class LiveDimming:
 
 
 def live_control(
-    dimming: LiveDimming, seen: tuple[str, Display, str], rows: list[LiveRefresh], *, simulated: bool
+    dimming: LiveDimming,
+    seen: tuple[str, Display, str],
+    rows: list[LiveRefresh],
+    *,
+    simulated: bool,
+    files: dict[str, str] | None = None,
 ) -> LiveControl:
     """Return the record of a walk: what the controller did, and how near a budget came to be met.
 
@@ -120,9 +125,11 @@ def live_control(
         What the controller did.
     simulated : bool
         Whether the user was simulated.
+    files : dict of str to str, optional
+        SHA-256 of the files of the scene.
     """
     settings, limit, (scene, display, measured_by) = dimming.controller.settings, dimming.limit, seen
-    inputs = {"display": sha256_of_record(display), "rate_limit": dimming.limit_sha256}
+    inputs = {"display": sha256_of_record(display), "rate_limit": dimming.limit_sha256, **(files or {})}
     return LiveControl(
         scene=scene,
         display=display,

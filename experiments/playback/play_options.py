@@ -165,7 +165,9 @@ class PowerOptions:
 class WalkOptions(ScreenOptions):
     """A walk through a scene."""
 
-    scene: Annotated[str, typer.Argument(help="The scene: house or school.")]
+    scene: Annotated[
+        str, typer.Argument(help="The scene: house, school, a glTF file, or a camera path (.json).")
+    ]
     factor: Annotated[
         float | None,
         asked(metavar="FACTOR", help="Brightness factor to begin with.", show_default="1, or by --budget"),

@@ -24,10 +24,10 @@ from evenlight.hardware.protocols import HeldKeys, KeyPress, Pointer
 from evenlight.stimuli.dithering import GRID_LEVELS
 from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
 from evenlight.stimuli.renderers import image_renderer
-from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_named
+from evenlight.stimuli.scenes.content.catalogue import PATHS, is_scene_file, path_named, scene_to_walk
 from evenlight.stimuli.scenes.engine.antialiasing import LIVE
 from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, Camera, focal_length_of
-from evenlight.stimuli.scenes.engine.camera_path import walked
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath, on_ground, walked
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Scene, Vector
 from evenlight.stimuli.video.viewing_geometry import pixels_per_degree_in
@@ -97,16 +97,17 @@ def along(azimuth: float, ahead: float, aside: float) -> tuple[float, float]:
     return ahead * sine + aside * cosine, ahead * cosine - aside * sine
 
 
-def start_in(scene: Scene) -> Walker:
-    """Return where a walk begins: where the path of the scene's name does, else on its first ground."""
-    if (PATHS / f"{scene.name}.json").is_file():
-        first = path_named(scene.name).keypoints[0]
-        (x, y, z), azimuth = first.position, first.azimuth
+def start_in(scene: Scene, path: CameraPath | None = None) -> Walker:
+    """Return where a walk begins: on a path or that of the scene's name, else amid its first ground."""
+    if path is None and (PATHS / f"{scene.name}.json").is_file():
+        path = path_named(scene.name)
+    on_it = [point for point in path.keypoints if on_ground(point.position, scene)] if path else []
+    if on_it:
+        (x, y, z), azimuth = on_it[0].position, on_it[0].azimuth
     else:
-        ground = scene.walkable[0]
-        x, y = ((low + high) / 2 for low, high in zip(ground.low, ground.high, strict=True))
-        z, azimuth = ground.height(x, y) + EYE_HEIGHT, 0.0
-    floors = [ground.height(x, y) for ground in scene.walkable if ground.contains(x, y)]
+        (x, y, floor), azimuth = scene.walkable[0].middle, 0.0
+        z = floor + EYE_HEIGHT
+    floors = [floor for ground in scene.walkable for floor in ground.heights(x, y)]
     return Walker((x, y, max((floor for floor in floors if floor < z), default=z) + EYE_HEIGHT), azimuth)
 
 
@@ -118,7 +119,7 @@ class Walk:
     devices : PlaybackDevices
         What on; the picture fills the window.
     scene : str
-        Name of the scene.
+        Name of the scene, or file of a scene or of a path.
     factor : float
         Brightness factor b, in (0, 1].
     screenshots : Path, optional
@@ -134,6 +135,8 @@ class Walk:
         What each refresh showed; in a headset, what its runtime says of each.
     way : list of (float, Walker)
         Where the walker was, since the first refresh [s].
+    path : CameraPath or None
+        Through a scene of a file.
     pictures : SceneRenderer
         Draws what is shown.
     dimmer : LiveDimmer or None
@@ -154,7 +157,8 @@ class Walk:
                 display, pixels_per_degree=pixels_per_degree_in(field_of_view, window.size()[0])
             )
         self.display = display
-        self._devices, self._factor, self._scene = devices, factor, scene_named(scene)
+        self._devices, self._factor = devices, factor
+        self._scene, self.path = scene_to_walk(scene)
         self._brightness = Brightness(display, rig.actuator, devices.backlight, window.now)
         self.dimmer: LiveDimmer | None = None
         self.pictures, self._image = self._drawn()
@@ -166,7 +170,7 @@ class Walk:
 
     def walk(self, held: HeldKeys, pointer: Pointer | None, seconds: float | None = None) -> None:
         """Walk until the pause key is pressed, or for some time [s]."""
-        walker, refreshes = start_in(self._scene), self.recording.refreshes
+        walker, refreshes = start_in(self._scene, self.path), self.recording.refreshes
         last, onset, presses = None, None, pressed_on(self._devices)
         while not any(ends(press, self._devices.rig) for press in presses):
             walker = self._turned(walker, presses)
@@ -226,7 +230,9 @@ class Walk:
         return self._devices.window.now() + 1 / self._devices.rig.refresh_rate
 
 
-def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> None:
+def write_path(
+    file: Path, scene: str, way: Sequence[tuple[float, Walker]], through: CameraPath | None = None
+) -> None:
     """Write a way as a camera path, which `render` and `optimize` take in place of a sequence's name.
 
     Parameters
@@ -237,6 +243,8 @@ def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> N
         Name of the scene.
     way : sequence of (float, Walker)
         Times from 0 on [s], and where the walker was then.
+    through : CameraPath, optional
+        Whose scene it is, in what light and on what ground.
     """
     kept = [way[0]]
     for moment in way[1:-1]:
@@ -252,5 +260,12 @@ def write_path(file: Path, scene: str, way: Sequence[tuple[float, Walker]]) -> N
         }
         for number, (time, walker) in enumerate([*kept, way[-1]], start=1)
     ]
+    said = json.loads(through.text) if through and through.text else {}
+    if through is not None:
+        scene = through.scene
+        if is_scene_file(scene):
+            of_scene = Path(scene).absolute()
+            scene = of_scene.name if of_scene.parent == file.absolute().parent else str(of_scene)
     path = {"scene": scene, "duration_s": points[-1]["time_s"], "keypoints": points}
+    path |= {key: said[key] for key in ("sky", "sun", "walkable") if key in said}
     write_whole(file, json.dumps(path, indent=1) + "\n")

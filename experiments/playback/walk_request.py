@@ -39,7 +39,7 @@ from evenlight.hardware.rig_windows import open_held_keys, open_pointer
 from evenlight.method.choices import Device
 from evenlight.method.preset_files import display_for, load_rate_limit
 from evenlight.stimuli.commands import size_in
-from evenlight.stimuli.scenes.content.catalogue import SCENES
+from evenlight.stimuli.scenes.content.catalogue import SCENES, files_sha256, is_walk_file, scene_to_walk
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW, NARROWEST, WIDEST
 from evenlight.stimuli.video.viewing_geometry import field_of_view_on
 
@@ -61,8 +61,11 @@ def require_walk(walk: WalkOptions, live: LiveOptions) -> None:
         )
     if live.target_loss is not None and not 0 <= live.target_loss <= 1:
         raise InputError(f"--target-loss must lie in 0 to 1, got {live.target_loss:g}")
-    if walk.scene not in SCENES:
-        raise InputError(f"no scene {walk.scene!r} to walk in: there are {', '.join(SCENES)}")
+    if not (walk.scene in SCENES or is_walk_file(walk.scene)):
+        raise InputError(
+            f"no scene {walk.scene!r} to walk in: there are {', '.join(SCENES)}; or give a file, of a scene "
+            "in glTF or a camera path in JSON (docs/scenes.md)"
+        )
     if walk.factor is not None and not 0 < walk.factor <= 1:
         raise InputError(f"--factor must be above 0 and at most 1, got {walk.factor:g}")
     if walk.seconds is not None and not walk.seconds > 0:
@@ -103,6 +106,7 @@ def walk_as_asked(walk: WalkOptions, live: LiveOptions) -> str:
         lambda: display_for(load_rate_limit(live.rate_limit)),
         size_in(walk.size) or SIZE,
     )
+    scene_to_walk(walk.scene)  # whatever is wrong with it is said before a window opens
     dimming, budget = None, asked_budget(live, display)
     if live.dims:
         other_ok = walk.other_display_ok
@@ -210,7 +214,9 @@ def _walked(
         seen = walk.scene, shown.display, measured_by
         counted = shown.pictures.seen
         hidden = None if counted is None else float(1 - counted.mean())
-        record = replace(live_control(dimming, seen, rows, simulated=walk.simulate), hidden_share=hidden)
+        hashes = {} if shown.path is None else {"scene": files_sha256(shown.path)}
+        record = live_control(dimming, seen, rows, simulated=walk.simulate, files=hashes)
+        record = replace(record, hidden_share=hidden)
         words += filter(None, [dimming_in_words(record, dimming.budget, rows)])
     if rig.in_headset:
         words.append("drawn for both eyes, as wide as the headset sees")
@@ -238,6 +244,6 @@ def _written(shown: Walk, walk: WalkOptions, refresh_rate: float) -> list[str]:
         write_log(walk.log, [one], refresh_rate, shown.display.pixels_per_degree)
         said.append(f"the frames are in {walk.log}")
     if walk.record is not None and shown.way and shown.way[-1][0] > 0:
-        write_path(walk.record, walk.scene, shown.way)
+        write_path(walk.record, walk.scene, shown.way, shown.path)
         said.append(f"the way is in {walk.record}")
     return said

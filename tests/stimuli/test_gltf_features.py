@@ -10,7 +10,7 @@ from pathlib import Path
 import moderngl
 import numpy as np
 import pytest
-from gltf_files import FLOOR, LAMP, Glb, image_bytes, room
+from gltf_files import CORNERS, FLOOR, LAMP, SQUARE, Glb, image_bytes, room
 from PIL import Image
 from typer.testing import CliRunner
 
@@ -136,6 +136,30 @@ def test_fans_and_strips_are_the_same_floor(tmp_path, mode, order, indexed):
     assert (facing * np.where(patches.triangle[:-1], 0.5, 1)[:, None]).sum(axis=0) == pytest.approx(
         [0, 0, 16]
     )
+
+
+@pytest.mark.parametrize(("kind", "component", "shares"), [("<i2", 5122, True), ("i1", 5120, False)])
+def test_whole_numbers_of_a_quantized_mesh_are_what_they_stand_for(tmp_path, kind, component, shares):
+    """Four bytes or eight a point, as KHR_mesh_quantization asks; the node halves what is meant as it is."""
+    one = np.iinfo(kind).max if shares else 2
+    glb = matt_room()
+    floor = glb.header["meshes"][FLOOR]["primitives"][0]["attributes"]
+    for name, values in (("POSITION", SQUARE), ("NORMAL", SQUARE * 0 + [0, 1, 0]), ("TEXCOORD_0", CORNERS)):
+        largest = np.iinfo(kind).max if name == "NORMAL" else one
+        padded = np.zeros((4, 4), kind)
+        padded[:, : values.shape[1]] = np.rint(values * largest)
+        floor[name] = glb.add_array(padded, f"VEC{values.shape[1]}", component)
+        accessor = glb.header["accessors"][floor[name]]
+        accessor["normalized"] = shares or name == "NORMAL"
+        glb.header["bufferViews"][accessor["bufferView"]]["byteStride"] = padded.strides[0]
+    glb.header["nodes"][FLOOR]["scale"] = [2, 1, 2] if shares else [1, 1, 1]
+    glb.header["extensionsRequired"] = ["KHR_mesh_quantization"]
+    expected, patches = read(tmp_path, matt_room()).patches, read(tmp_path, glb).patches
+    np.testing.assert_allclose(patches.origin, expected.origin, atol=1e-3)
+    np.testing.assert_allclose(patches.along, expected.along, atol=1e-3)
+    np.testing.assert_allclose(patches.normals, expected.normals, atol=1e-3)
+    uvs = expected.uvs if shares else (expected.uvs - [0, 1]) * 2 + [0, 1]
+    np.testing.assert_allclose(patches.uvs[0], uvs[0], atol=1e-3)
 
 
 def test_specular_glossiness_is_its_diffuse_colour_less_what_is_reflected(tmp_path):

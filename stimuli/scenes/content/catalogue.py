@@ -11,11 +11,15 @@ from pathlib import Path
 import numpy as np
 
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.storage.text_files import read_text
-from evenlight.stimuli.scenes.engine.camera_path import CameraPath
+from evenlight.progress import note
+from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath, Keypoint, on_ground
 from evenlight.stimuli.scenes.engine.camera_path_file import path_from_text
-from evenlight.stimuli.scenes.engine.scene import SEED, Scene
+from evenlight.stimuli.scenes.engine.scene import SEED, Scene, Vector
 from evenlight.stimuli.scenes.gltf.gltf_file import SUFFIXES, read_gltf, sha256_of_gltf
+from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 
 PATHS = Path(__file__).parent / "paths"
 # Module within this folder and function that build each, for a seed.
@@ -62,6 +66,12 @@ def scene_of(path: CameraPath) -> Scene:
             f"{path.scene}: nothing lights it; give materials that emit light, a sun, or a sky in the path"
         )
     return scene
+
+
+def files_sha256(path: CameraPath) -> str:
+    """Return the SHA-256 of a path and of the files of its scene; of a built-in one the name counts."""
+    scene = sha256_of_gltf(Path(path.scene)) if is_scene_file(path.scene) else path.scene
+    return sha256_of_bytes(f"{scene} {path.text}".encode())
 
 
 @lru_cache(maxsize=2)
@@ -116,3 +126,43 @@ def path_named(name: str, scene: str = "") -> CameraPath:
             f"{' or '.join(SUFFIXES)}, got {path.scene!r}"
         )
     return path
+
+
+def is_walk_file(name: str) -> bool:
+    """Return whether a name is that of a file with a scene, or with a camera path through one."""
+    return is_scene_file(name) or name.endswith(".json")
+
+
+@lru_cache(maxsize=1)
+def scene_to_walk(name: str) -> tuple[Scene, CameraPath | None]:
+    """Return a scene with its ground by name or file, and the path that a file's walk begins on.
+
+    Raises
+    ------
+    InputError
+        If there is no such scene or path, or no ground in it.
+    """
+    if not is_walk_file(name):
+        return scene_named(name), None
+    from evenlight.stimuli.scenes.engine.light.found_ground import found_ground
+    from evenlight.stimuli.scenes.gltf.gltf_differences import tell_differences
+
+    own = is_scene_file(name)
+    path = _turning(name, (0.0, 0.0, 0.0)) if own else path_named(name)
+    scene, eyes = scene_of(path), () if own else tuple(point.position for point in path.keypoints)
+    scene = replace(scene, walkable=path.walkable or scene.walkable or (found_ground(scene, eyes),))
+    if own:
+        x, y, floor = scene.walkable[0].middle
+        path = _turning(name, (x, y, floor + EYE_HEIGHT))
+        scene = replace(scene_of(path), walkable=scene.walkable)
+    tell_differences(scene, path, FIELD_OF_VIEW)
+    if off := [point.name for point in path.keypoints if not on_ground(point.position, scene)]:
+        where = "nowhere on it: begins in its middle" if len(off) == len(path.keypoints) else ", ".join(off)
+        note(f"{path.name}: keypoints that are not over the ground to walk on: {where}")
+    return scene, path
+
+
+def _turning(file: str, eye: Vector) -> CameraPath:
+    """Return a path that turns round on the spot, for what is seen from there."""
+    points = tuple(Keypoint(f"{k}", float(k), eye, 90.0 * k, 0.0) for k in range(5))
+    return CameraPath(Path(file).stem, file, 4.0, points)

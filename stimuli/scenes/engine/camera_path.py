@@ -1,6 +1,6 @@
 """A walk through a scene: keypoints with their times, and the camera at any moment.
 
-And where a walker may go: over the walkable rectangles of a scene, along their edges, up and down slopes.
+And where a walker may go: over the walkable ground of a scene, along its edges, up and down slopes.
 """
 
 from __future__ import annotations
@@ -57,6 +57,8 @@ class CameraPath:
         The path as a file holds it, for its hash.
     sky, sun : Sky and Sun, or None
         In place of those of the scene.
+    walkable : tuple of Ground
+        Where one may walk, in place of what the scene says or is found.
     """
 
     name: str
@@ -67,6 +69,7 @@ class CameraPath:
     text: str = ""
     sky: Sky | None = None
     sun: Sun | None = None
+    walkable: tuple[Ground, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.scene:
@@ -216,11 +219,11 @@ def walked(position: Vector, step: tuple[float, float], scene: Scene) -> Vector:
     (float, float, float)
         Of the eye after [m]. Outside all walkable ground there is no movement.
     """
-    ground = _under(position, scene)
-    if ground is None:
+    under = floor_under(position, scene)
+    if under is None:
         return position
     x, y, z = position
-    eye = z - ground.height(x, y)
+    eye = z - under
     floor = z - eye
     strides = max(int(np.ceil(np.hypot(*step) / STRIDE)), 1)
     for _ in range(strides):
@@ -237,7 +240,7 @@ def on_ground(position: Vector, scene: Scene, margin: float = TOUCHING) -> bool:
 
     `margin` is how far beside the ground still counts [m]; walkable ground keeps about 0.3 m from walls.
     """
-    return _under(position, scene, margin) is not None
+    return floor_under(position, scene, margin) is not None
 
 
 def check_path(path: CameraPath, scene: Scene) -> None:
@@ -278,18 +281,17 @@ def _check_extent(path: CameraPath, scene: Scene) -> None:
             )
 
 
-def _under(position: Vector, scene: Scene, margin: float = TOUCHING) -> Ground | None:
-    """Return the ground under an eye, that whose distance is nearest to eye height, or None."""
+def floor_under(position: Vector, scene: Scene, margin: float = TOUCHING) -> float | None:
+    """Return the floor that an eye is over [m], that whose distance is nearest to eye height, or None."""
     x, y, z = position
-    fitting = [
-        (abs(z - ground.height(x, y) - EYE_HEIGHT), k)
-        for k, ground in enumerate(scene.walkable)
-        if ground.contains(x, y, margin) and LOWEST_EYE <= z - ground.height(x, y) <= HIGHEST_EYE
-    ]
-    return scene.walkable[min(fitting)[1]] if fitting else None
+    over = [floor for floor in _floors(x, y, scene, margin) if LOWEST_EYE <= z - floor <= HIGHEST_EYE]
+    return min(over, key=lambda floor: abs(z - floor - EYE_HEIGHT), default=None)
 
 
 def _floor_at(x: float, y: float, floor: float, scene: Scene) -> float | None:
-    heights = [ground.height(x, y) for ground in scene.walkable if ground.contains(x, y, TOUCHING)]
-    near = [height for height in heights if abs(height - floor) <= STEP_UP]
-    return min(near, key=lambda height: abs(height - floor)) if near else None
+    near = [height for height in _floors(x, y, scene) if abs(height - floor) <= STEP_UP]
+    return min(near, key=lambda height: abs(height - floor), default=None)
+
+
+def _floors(x: float, y: float, scene: Scene, margin: float = TOUCHING) -> list[float]:
+    return [floor for ground in scene.walkable for floor in ground.heights(x, y, margin)]

@@ -8,10 +8,11 @@ from typing import Any
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.text_files import parse_json
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath, Keypoint
-from evenlight.stimuli.scenes.engine.scene import Sky, Sun, Vector
+from evenlight.stimuli.scenes.engine.scene import Ground, Sky, Sun, Vector
 
 KEYPOINT = ("position_m", "name", "time_s", "azimuth_deg", "altitude_deg")
 SKY = ("zenith_cd_m2", "horizon_cd_m2")
+GROUND = ("low_m", "high_m", "floor_m")
 SUN = ("azimuth_deg", "altitude_deg", "illuminance_lx")
 
 
@@ -26,8 +27,8 @@ def path_from_text(name: str, text: str, scene: str = "") -> CameraPath:
     try:
         content = parse_json(text, f"camera path {name}", "a camera path")
         needed = ("duration_s", "keypoints") if scene else ("scene", "duration_s", "keypoints")
-        _check_keys(content, "", needed, ("scene", "places", "sky", "sun"))
-        for key in ("keypoints", "places"):
+        _check_keys(content, "", needed, ("scene", "places", "sky", "sun", "walkable"))
+        for key in ("keypoints", "places", "walkable"):
             if not isinstance(content.get(key, []), list):
                 raise ValueError(f"need a list as {key!r}, got {content[key]!r:.40}")
         if not isinstance(content.get("scene", ""), str):
@@ -41,6 +42,7 @@ def path_from_text(name: str, text: str, scene: str = "") -> CameraPath:
             tuple(str(place) for place in content.get("places", ())),
             text,
             *light_in(content),
+            tuple(_ground(entry, k) for k, entry in enumerate(content.get("walkable", ()), start=1)),
         )
     except ValueError as error:
         if isinstance(error, InputError):
@@ -55,6 +57,17 @@ def _keypoint(entry: Any, number: int) -> Keypoint:
     x, y, z = _numbers(entry, where, "position_m", 3)
     time, azimuth, altitude = (_numbers(entry, where, key)[0] for key in KEYPOINT[2:])
     return Keypoint(str(entry["name"]), time, (x, y, z), azimuth, altitude)
+
+
+def _ground(entry: Any, number: int) -> Ground:
+    where = f"walkable {number}: "
+    _check_keys(entry, where, GROUND, ("slope",))
+    (west, south), (east, north) = (_numbers(entry, where, key, 2) for key in GROUND[:2])
+    if not (west < east and south < north):
+        raise ValueError(f"{where}need low_m below high_m, got {entry['low_m']} and {entry['high_m']}")
+    along, across = _numbers(entry, where, "slope", 2) if "slope" in entry else (0.0, 0.0)
+    (floor,) = _numbers(entry, where, "floor_m")
+    return Ground((west, south), (east, north), floor, (along, across))
 
 
 def light_in(content: dict[str, Any]) -> tuple[Sky | None, Sun | None]:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,6 +135,17 @@ class Sky:
     horizon: Vector = (0.0, 0.0, 0.0)
 
 
+class Walkable(Protocol):
+    """Ground that one may walk on."""
+
+    @property
+    def middle(self) -> Vector:
+        """A place on it [m]."""
+
+    def heights(self, x: float, y: float, margin: float = 0.0) -> list[float]:
+        """Return the heights of its floors at a point, or at most a margin beside it, of each storey [m]."""
+
+
 @dataclass(frozen=True, slots=True)
 class Ground:
     """A rectangle that one may walk on: corners [m], height at the lower corner [m], slope along x and y."""
@@ -158,6 +169,16 @@ class Ground:
         -1.0
         """
         return self.floor + self.slope[0] * (x - self.low[0]) + self.slope[1] * (y - self.low[1])
+
+    @property
+    def middle(self) -> Vector:
+        """Its middle [m]."""
+        x, y = (self.low[0] + self.high[0]) / 2, (self.low[1] + self.high[1]) / 2
+        return x, y, self.height(x, y)
+
+    def heights(self, x: float, y: float, margin: float = 0.0) -> list[float]:
+        """Return the height of the floor at a point, if it is over it [m]."""
+        return [self.height(x, y)] if self.contains(x, y, margin) else []
 
 
 @dataclass(frozen=True, slots=True)
@@ -198,8 +219,8 @@ class Scene:
         If it shines.
     sky : Sky
         Seen wherever there is no surface.
-    walkable : tuple of Ground
-        Where one may walk.
+    walkable : tuple of Walkable
+        Where one may walk; none of a scene that does not say so.
     places : tuple of Place
         Its regions.
     unlike : tuple of Difference
@@ -213,7 +234,7 @@ class Scene:
     windows: Floats
     sun: Sun | None
     sky: Sky
-    walkable: tuple[Ground, ...]
+    walkable: tuple[Walkable, ...]
     places: tuple[Place, ...]
     unlike: tuple[Difference, ...] = ()
 

@@ -30,7 +30,13 @@ BRIGHTEST = 60_000.0  # [cd/m^2] light is stored in 16 bits
 UPRIGHT = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # from y up to z up
 TABLES = ("buffers", "images", "accessors")  # lists of them
 # Extensions that a file may require: those of materials are read, or listed as not shown.
-READ = ("KHR_materials_", "KHR_texture_transform", "KHR_lights_punctual", "EXT_texture_webp")
+READ = (
+    "KHR_materials_",
+    "KHR_texture_transform",
+    "KHR_lights_punctual",
+    "KHR_mesh_quantization",
+    "EXT_texture_webp",
+)
 
 
 @dataclass(frozen=True, eq=False)

@@ -38,6 +38,7 @@ SMALLEST, LARGEST = 0.5, 2000.0  # [m] longest side of a scene
 MOST_TRIANGLES = 1_000_000
 MOST_ENTRIES = 20 * MOST_TRIANGLES  # of its lists of numbers, as often as meshes name them
 STRIP, FAN = 5, 6  # glTF 2.0 specification, 5.24
+WHOLE = {5120: 127, 5121: 255, 5122: 32767, 5123: 65535}  # for 1 in each component type, 3.11
 LIGHTS = "KHR_lights_punctual"
 RADIUS = 0.02  # [m] of the ball that a point of light becomes, at least
 FAINTEST = 0.01  # [cd/m^2] pieces under a darker part of an emissive texture do not shine
@@ -107,19 +108,34 @@ def _loaded(file: GltfFile) -> trimesh.Scene:
             number = primitive.get("material")
             if number is not None and not 0 <= number < count:
                 raise ValueError(f"there is no material {number}")
-            # A name for each, which tells whose the triangles are.
+            # A name for each, which tells whose the triangles are, and what their whole numbers stand for.
             primitive["material"] = len(header["materials"])
-            header["materials"].append({"name": json.dumps([k, number, fan])})
+            whole = {name: _largest(header["accessors"][kept[name]], name) for name in kept}
+            header["materials"].append({"name": json.dumps([k, number, fan, whole])})
     header["buffers"] = [{"uri": str(k)} for k in range(len(file.buffers))]
     resolver = {str(k): data for k, data in enumerate(file.buffers)}
     text = json.dumps(header).encode()
     scene = trimesh.load_scene(BytesIO(text), file_type="gltf", resolver=resolver, process=False)
     for mesh in scene.geometry.values():
-        if len(getattr(mesh, "faces", ())) and json.loads(mesh.visual.material.name)[2]:
+        if not len(getattr(mesh, "faces", ())):
+            continue
+        *_, fan, whole = json.loads(mesh.visual.material.name)
+        if whole["POSITION"] > 1:
+            mesh.vertices = np.maximum(mesh.vertices / whole["POSITION"], -1)
+        for key, values in mesh.vertex_attributes.items():
+            if values.dtype.kind in "iu":
+                mesh.vertex_attributes[key] = values / whole[key[1:]]
+        if fan:
             first, middle, last = mesh.faces.T  # of a strip, every other one turned round
             last = np.where(np.arange(len(last)) % 2, first, last)
             mesh.faces = np.column_stack([np.full_like(last, first[0]), middle, last])
     return scene
+
+
+def _largest(accessor: dict[str, Any], name: str) -> int:
+    """Return the whole number that stands for 1 in an accessor; 1 where numbers are meant as they are."""
+    shares = accessor.get("normalized") or name in ("NORMAL", "COLOR_0")
+    return WHOLE.get(accessor["componentType"], 1) if shares else 1
 
 
 def _lights(
@@ -175,7 +191,7 @@ def _patches(
         )
     pieces, parts, first = list(lights), list[Part](), sum(map(len, lights))
     for matrix, mesh in solid:
-        number, material, _ = json.loads(mesh.visual.material.name)
+        number, material, *_ = json.loads(mesh.visual.material.name)
         surface, before = surfaces.of(material), len(pieces)
         if surface is not None:
             pieces.append(patches_of(mesh, matrix, surface))
@@ -283,8 +299,7 @@ def _sides(corners: Floats) -> Floats:
 
 
 def _as_numbers(values: NDArray[Any]) -> Floats:
-    """Return numbers of a file: whole ones stand for shares of their range."""
-    numbers = values.astype(float) / (np.iinfo(values.dtype).max if values.dtype.kind in "iu" else 1)
+    numbers = values.astype(float)
     if not np.isfinite(numbers).all():
         raise ValueError("normals, colours or texture coordinates are not numbers")
     return numbers
