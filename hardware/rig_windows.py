@@ -73,8 +73,8 @@ def open_headset(rig: Rig, *, waits: bool = True, gaze: bool = False) -> Headset
     Parameters
     ----------
     rig : Rig
-        A rig in a headset; `window_size` is the size of each eye's picture, unless `full_screen` lets the
-        headset say.
+        A rig in a headset; `window_size` is the size of each eye's picture, which then is all that it sees,
+        unless `full_screen` lets the headset say.
     waits : bool, optional
         Whether frames of a made-up one take their time; else its clock goes with the frames. Those of a
         runtime always do.
@@ -99,7 +99,8 @@ def open_headset(rig: Rig, *, waits: bool = True, gaze: bool = False) -> Headset
 def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, Display]:
     """Return the rig with the headset's refresh rate, and the display with its pixels per degree.
 
-    Those are of the middle of the picture of the eye that counts, straight ahead, as large as it is drawn.
+    Those are of the middle of the picture of the eye that counts, straight ahead, as large as it is drawn; of
+    its focus view if there is one, for that is where it looks.
 
     Raises
     ------
@@ -113,8 +114,9 @@ def with_headset(rig: Rig, display: Display, facts: HeadsetFacts) -> tuple[Rig, 
             f"the runtime {facts.runtime} says that its headset shows {facts.refresh_rate:g} Hz, and "
             f"displays {SLOWEST_DISPLAY:g} to {FASTEST_DISPLAY:g}: close what slows the computer down"
         )
-    width = facts.eye_size[0] if rig.full_screen else rig.window_size[0]
-    pixels_per_degree = centre_pixels_per_degree(facts.fovs[rig.eye is Eye.RIGHT], width)
+    fov, size = facts.sharpest(rig.eye is Eye.RIGHT)
+    width = size[0] if rig.full_screen else rig.window_size[0]
+    pixels_per_degree = centre_pixels_per_degree(fov, width)
     return (
         dataclasses.replace(rig, refresh_rate=facts.refresh_rate),
         dataclasses.replace(display, pixels_per_degree=pixels_per_degree),

@@ -9,6 +9,7 @@ numbers only, so it draws exactly the codes of numpy's reference.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -45,10 +46,9 @@ class Image:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class EyeImages:
-    """An image for each eye of a headset."""
+    """An image for each view of a headset."""
 
-    left: Image
-    right: Image
+    views: Sequence[Image]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,7 +58,7 @@ class DimmedImage:
     Attributes
     ----------
     image : Image or EyeImages
-        The image; of a pair a screen shows the left one.
+        The image; of several a screen shows the first one, the left eye's.
     factor : float
         Brightness factor b that its pixels are dimmed by, in (0, 1].
     ground : float
@@ -75,11 +75,9 @@ class DimmedImage:
     ink: float = 0.0
     coverage: NDArray[np.uint8] | None = None
 
-    def of_eyes(self) -> tuple[Image, Image]:
-        """Return the image of the left eye and of the right one."""
-        if isinstance(self.image, EyeImages):
-            return self.image.left, self.image.right
-        return self.image, self.image
+    def of_view(self, index: int) -> Image:
+        """Return the image that a view shows, 0 the left eye's."""
+        return self.image.views[index] if isinstance(self.image, EyeImages) else self.image
 
 
 class ImageUploads:
@@ -152,7 +150,7 @@ class ImageRenderer(CodeRenderer, ImageUploads):
         frame, seed : int
             Number of the frame, and seed of the dithering noise; both in [0, 2^32).
         """
-        image = picture.of_eyes()[0]
+        image = picture.of_view(0)
         (width, height), (whole, high) = image.texture.size, framebuffer.size
         self._take_mixtures(image.levels, picture.factor)
         self._take_text(picture.coverage)

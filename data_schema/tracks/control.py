@@ -123,7 +123,7 @@ class LiveControl:
     wide_band_accepted: bool = as_in(OptimizationSummary, "wide_band_accepted")
     noticed: float | None = as_in(OptimizationSummary, "noticed")
     hidden_share: float | None = share(
-        "share of the eye's picture that a headset's lens never shows, and that does not count in the mean "
-        "luminance; null where its runtime does not say, and on a screen: every pixel counts",
+        "share of the eye's picture that a headset's lens never shows, and that counts neither in the mean "
+        "luminance nor in the loss; null where its runtime does not say, and on a screen: all counts",
         default=None,
     )

@@ -59,7 +59,7 @@ class HeadsetSearchPlayer(SearchPlayer):
         """Return what draws a scene; each is made ready once, which takes its time."""
         if name not in self._rings:
             context, scene = self._headset.context(), scene_named(name)
-            pictures = StereoRenderer(context, scene, self._headset.eye_size())
+            pictures = StereoRenderer(context, scene, self._headset.view_sizes())
             self._rings[name] = StereoRings(context, pictures, scene, self._on.display)
         return self._rings[name]
 
@@ -80,8 +80,7 @@ class SceneInHeadset:
     def __init__(self, rings: StereoRings, view: SearchView, headset: HeadsetWindow) -> None:
         self._rings, self._camera, self._headset = rings, view.camera, headset
         self._painted = rings.paint(view.ring, view.camera.position)
-        left, right = (Image(eye.texture, LEVELS_16 + 1) for eye in rings.eyes)
-        self.image: Image | EyeImages = EyeImages(left, right)
+        self.image: Image | EyeImages = EyeImages([Image(eye.texture, LEVELS_16 + 1) for eye in rings.eyes])
         self.background_luminance = self._painted.surroundings.luminance
 
     def draw(self, searching: SearchTracker, now: float) -> tuple[float, float]:

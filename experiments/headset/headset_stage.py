@@ -207,9 +207,11 @@ class HeadsetStage(WindowStage):
 
         Beside text it is the upper edge; nothing where the panel reaches up to there.
         """
-        size, frame, text = self._headset.eye_size(), self._headset.eyes(), field.coverage is not None
-        matrix = panel_matrix(frame.eyes[self._rig.eye is Eye.RIGHT], size, frame.head, PANEL_SIZE)
-        if text and (matrix[1] @ [[0, size[0]], 2 * [size[1] / 8], [1, 1]]).max() >= 0:
+        frame, text = self._headset.eyes(), field.coverage is not None
+        eye = frame.eyes[self._rig.eye is Eye.RIGHT]
+        _, _, width, height = eye.part
+        matrix = panel_matrix(eye, (width, height), frame.head, PANEL_SIZE)
+        if text and (matrix[1] @ [[0, width], 2 * [height / 8], [1, 1]]).max() >= 0:
             return None
         codes = self._headset.codes_later(PROBE_SIZE, top=text)
         return lambda: self._mean_luminance(codes())

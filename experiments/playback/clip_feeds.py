@@ -320,7 +320,7 @@ class SceneFeed(ImageFeed):
 
 
 class EyeSceneFeed(ImageFeed):
-    """Draws a walk for both eyes of a headset: position and azimuth of the path, and the head on top.
+    """Draws a walk for the views of a headset: position and azimuth of the path, and the head on top.
 
     Each refresh shows the moment of its own time, between the frames of the sequence too; so the walk is as
     smooth as the headset. The altitude of the path is left to the head.
@@ -346,11 +346,14 @@ class EyeSceneFeed(ImageFeed):
         scene = scene_of(self._path)
         check_path(self._path, scene)
         tell_differences(scene, self._path, sequence.field_of_view)
-        frame = window.framebuffer()
-        self._size = frame.width // 2, frame.height
-        self._stereo = StereoRenderer(window.context(), scene, self._size, sequence.quality)
-        left, right = (Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes)
-        self._images = EyeImages(left, right)
+        frame = window.eyes()
+        assert frame is not None
+        sizes = [eye.part[2:] for eye in frame.eyes]
+        self._size = sizes[0]
+        self._stereo = StereoRenderer(window.context(), scene, sizes, sequence.quality)
+        self._images = EyeImages(
+            [Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes]
+        )
 
     def image(self, index: int, time: float = 0.0) -> EyeImages:
         """Return what the eyes see at a time [s]; it holds until the next is asked for."""

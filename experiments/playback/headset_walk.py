@@ -13,7 +13,7 @@ from dataclasses import replace
 from evenlight.data_schema.recordings.rig import Eye
 from evenlight.experiments.playback.headset_dimming import HeadsetDimmer
 from evenlight.experiments.playback.walk import SPEED, Walk, Walker, along, moved
-from evenlight.hardware.presentation.headset_views import HeadsetFrame
+from evenlight.hardware.presentation.headset_views import HeadsetFrame, centre_pixels_per_degree
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.protocols import HeldKeys, KeyPress, Pointer
 from evenlight.stimuli.dithering import GRID_LEVELS
@@ -44,13 +44,16 @@ class HeadsetWalk(Walk):
                 self.dimmer.finish()
 
     def _drawn(self) -> tuple[SceneRenderer, Image | EyeImages]:
-        window = self._window
+        window, sizes = self._window, self._window.view_sizes()
         self._eye = int(self._devices.rig.eye is Eye.RIGHT)
-        self._stereo = StereoRenderer(window.context(), self._scene, window.eye_size())
-        left, right = (Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes)
-        counts = self._stereo.eyes[self._eye]
-        counts.seen = window.seen_pixels()
-        return counts, EyeImages(left, right)
+        self._stereo = StereoRenderer(window.context(), self._scene, sizes)
+        counts = self._stereo.eyes[self._eye]  # all that the eye sees, with the pixels per degree of that
+        density = centre_pixels_per_degree(window.facts().fovs[self._eye], sizes[self._eye][0])
+        self.display = replace(self.display, pixels_per_degree=density)
+        counts.seen, self._hidden = window.seen_pixels(), window.facts().hidden
+        return counts, EyeImages(
+            [Image(eye.codes, GRID_LEVELS, from_below=True) for eye in self._stereo.eyes]
+        )
 
     @property
     def _window(self) -> HeadsetWindow:
@@ -76,6 +79,8 @@ class HeadsetWalk(Walk):
     def _render(self, walker: Walker) -> Walker:
         frame = self._window.eyes()
         views = eye_views(frame, walker.position, walker.azimuth)
+        if (hidden := self._window.facts().hidden) is not self._hidden:
+            self.pictures.seen, self._hidden = self._window.seen_pixels(), hidden
         self._stereo.render(views)
         self._stereo.encode()
         if isinstance(self.dimmer, HeadsetDimmer):

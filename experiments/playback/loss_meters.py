@@ -15,7 +15,10 @@ from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 
 if TYPE_CHECKING:
     import moderngl
+    import numpy as np
+    from numpy.typing import NDArray
 
+    from evenlight.method.contrast.one_factor import OneFactorLoss
     from evenlight.method.gpu.frame_loss import GpuLoss
 
 CODES = 1024  # levels of the renderer's codes
@@ -38,6 +41,7 @@ class LossMeter:
 
     def __init__(self, name: str, pictures: SceneRenderer, light: PictureLuminance, *, patient: bool) -> None:
         self.name, self._pictures, self._light, self._patient = name, pictures, light, patient
+        self._counted: NDArray[np.bool_] | None = None
 
     def mean_luminance(self) -> float:
         """Return its Ī at factor 1 [cd/m^2], before it is shown."""
@@ -57,6 +61,12 @@ class LossMeter:
 
     def close(self) -> None:
         """Let go of what it holds; textures and buffers go with the window."""
+
+    def _count_seen(self, loss: OneFactorLoss | GpuLoss) -> None:
+        """Let only pixels count that a headset's lens shows, where that is known, and when it changes."""
+        if self._pictures.seen is not None and self._pictures.seen is not self._counted:
+            self._counted = self._pictures.seen
+            loss.count_only(self._counted)
 
 
 def open_meter(
@@ -154,6 +164,7 @@ class ProcessorMeter(LossMeter):
         """Read the picture back, and hand it to the thread."""
         if self._under_way is not None:
             return False
+        self._count_seen(self._loss)
         pixels, turn = self._pictures.pixel_values(), self._turn
         self._under_way = self._thread.submit(lambda: self._loss.of(pixels, factor, turn).loss)
         self._turn += 1
@@ -205,6 +216,7 @@ class GpuMeter(LossMeter):
             return False
         frame = FrameTexture(self._pictures.codes, CODES, from_below=True)
         with graphics.own(self._context):
+            self._count_seen(self._loss)
             self._loss.start(frame, factor)
         self._under_way = True
         return True

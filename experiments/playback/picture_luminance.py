@@ -6,6 +6,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
@@ -65,11 +66,9 @@ class PictureLuminance:
         with graphics.own(context):
             self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
             self._adder = over_all(context, SUM_FRAGMENT)
-            seen = np.ones((height, width), dtype=bool) if pictures.seen is None else pictures.seen
-            weights = (255 * seen[::-1].astype(np.uint8)).tobytes()
-            self._seen = context.texture(pictures.size, 1, weights, alignment=1)
+            self._seen = context.texture(pictures.size, 1, alignment=1)
             set_uniforms(self._adder, codes=0, seen=1, gamma=display.gamma)
-        self.seen_share = float(seen.mean())
+        self._count_only(np.ones((height, width), dtype=bool))
         self._means: Array = np.zeros(3)
 
     def mean(self) -> float:
@@ -86,8 +85,14 @@ class PictureLuminance:
         share = float(means @ LUMINANCE_WEIGHTS)
         return self._display.black_level + (self._display.peak_luminance - self._display.black_level) * share
 
+    def _count_only(self, seen: NDArray[np.bool_]) -> None:
+        self._counted, self.seen_share = seen, float(seen.mean())
+        self._seen.write((255 * seen[::-1].astype(np.uint8)).tobytes(), alignment=1)
+
     def _add_up(self) -> None:
         """Draw the sums of the picture drawn last."""
+        if self._pictures.seen is not None and self._pictures.seen is not self._counted:
+            self._count_only(self._pictures.seen)
         with graphics.own(self._context):
             self._sums.use()
             self._pictures.codes.use(0)

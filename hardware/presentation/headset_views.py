@@ -2,13 +2,16 @@
 
 Axes are OpenXR's: x right, y up, z backwards, in metres. A runtime's begin anywhere; a `HeadsetWindow` gives
 those that begin at the head, and point where it pointed, when they were set.
+
+A headset has two views, left and right, or four: besides those a focus view of each eye, left and right, of a
+small part of what the eye sees, with more pixels per degree. What it shows is in the wide view, too.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:  # rig.py imports this, and shows its help without numpy
@@ -17,6 +20,8 @@ if TYPE_CHECKING:  # rig.py imports this, and shows its help without numpy
     import numpy as np
     from numpy.typing import NDArray
 
+Size = tuple[int, int]
+Part = tuple[int, int, int, int]  # of a picture: left, bottom, width, height [pixels]
 Triangle = tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
 # Of OpenGL: pictures keep the codes that are written to them while the conversion is off.
 SRGB8_ALPHA8, FRAMEBUFFER_SRGB = 0x8C43, 0x8DB9
@@ -46,10 +51,11 @@ class EyeFov:
 
 @dataclass(frozen=True, slots=True)
 class EyePose:
-    """Where an eye is at the time of a frame, and what it sees."""
+    """Where an eye is at the time of a frame, what a view of it sees, and where that view is drawn."""
 
     pose: Pose
     fov: EyeFov
+    part: Part = (0, 0, 0, 0)  # of the frame's picture
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +64,7 @@ class HeadsetFrame:
 
     display_time: float  # when it will appear, as the runtime predicts it, on the runtime's clock [s]
     period: float  # how long a frame lasts [s]
-    eyes: tuple[EyePose, EyePose]  # left, right
+    eyes: tuple[EyePose, ...]  # left, right; then, if there are focus views, these
     head: Pose
     visible: bool  # whether the runtime will show it; if not, nothing need be drawn
     tracked: bool  # whether the head's orientation is known; if not, the views are the last known ones
@@ -67,9 +73,9 @@ class HeadsetFrame:
 
     def since(self, origin: Pose) -> HeadsetFrame:
         """Return the frame in the axes of an origin that `level` gave."""
-        left, right = (replace(eye, pose=_since(eye.pose, origin)) for eye in self.eyes)
+        eyes = tuple(replace(eye, pose=_since(eye.pose, origin)) for eye in self.eyes)
         gaze = None if self.gaze is None else _since(self.gaze, origin)
-        return replace(self, eyes=(left, right), head=_since(self.head, origin), gaze=gaze)
+        return replace(self, eyes=eyes, head=_since(self.head, origin), gaze=gaze)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +84,8 @@ class HeadsetFacts:
 
     runtime: str
     system: str
-    eye_size: tuple[int, int]  # recommended width and height of each eye's picture [pixels]
-    fovs: tuple[EyeFov, EyeFov]  # left, right
+    eye_size: Size  # recommended width and height of each eye's picture [pixels]
+    fovs: tuple[EyeFov, ...]  # of the views, as `HeadsetFrame.eyes` has them
     refresh_rate: float  # [Hz]
     refresh_rates: tuple[float, ...]  # that can be chosen; empty where the runtime does not say [Hz]
     tracks_position: bool  # besides the orientation
@@ -87,6 +93,21 @@ class HeadsetFacts:
     # What the lenses never show of each eye's picture, left and right, as tangents from straight ahead to the
     # right and up; empty where the runtime does not say.
     hidden: tuple[tuple[Triangle, ...], tuple[Triangle, ...]] = ((), ())
+    focus_size: Size | None = None  # recommended for each focus view, if there are any [pixels]
+
+    def sharpest(self, right: bool) -> tuple[EyeFov, Size]:
+        """Return edges and recommended size of an eye's view of most pixels per degree: its focus view."""
+        return self.fovs[right - 2], self.focus_size or self.eye_size
+
+
+def side_by_side(sizes: Sequence[Size]) -> tuple[Part, ...]:
+    """Return where views of some widths and heights are drawn: one beside the other, on one lower edge.
+
+    >>> side_by_side([(30, 20), (30, 20), (12, 12)])
+    ((0, 0, 30, 20), (30, 0, 30, 20), (60, 0, 12, 12))
+    """
+    edges = accumulate((width for width, _ in sizes), initial=0)
+    return tuple((left, 0, *size) for left, size in zip(edges, sizes, strict=False))
 
 
 def centre_pixels_per_degree(fov: EyeFov, width: int) -> float:

@@ -16,11 +16,14 @@ from evenlight.data_schema.recordings.rig import Eye
 from evenlight.hardware.presentation.headset_views import (
     HeadsetFacts,
     HeadsetFrame,
+    Part,
     Pose,
+    Size,
     centre_pixels_per_degree,
     forward,
     level,
     seen_pixels,
+    side_by_side,
 )
 from evenlight.hardware.protocols import ContextDevice, KeyPress
 from evenlight.hardware.simulated.clocks import RefreshClock
@@ -57,7 +60,7 @@ class ShownFrame:
 
 
 class HeadsetWindow(ContextDevice, ABC):
-    """A headset, open: a window whose back buffer holds the pictures of both eyes, side by side.
+    """A headset, open: a window whose back buffer holds the pictures of its views, side by side.
 
     `begin` before anything is drawn or shown. Where the head is then becomes the origin of all views, and
     where it points is straight ahead, until they are set anew (`recentre`) or the runtime moves its own. What
@@ -128,11 +131,10 @@ class HeadsetWindow(ContextDevice, ABC):
         return self._frame
 
     def framebuffer(self) -> moderngl.Framebuffer:
-        """Return what the frame is drawn to, ready for it: the left eye in the left half."""
+        """Return what the frame is drawn to, ready for it: each view goes to its part."""
         framebuffer = self.picture()
         self._drawn = True
-        width, height = self.eye_size()
-        framebuffer.viewport = (0, 0, 2 * width, height)
+        framebuffer.viewport = (0, 0, *framebuffer.size)
         framebuffer.use()
         return framebuffer
 
@@ -142,7 +144,7 @@ class HeadsetWindow(ContextDevice, ABC):
         With a clock of refreshes that is the time counted.
         """
         if self._drawn and self.mirror is not None:
-            self.mirror.take(self.picture(), self._eye)
+            self.mirror.take(self.picture(), self._part())
         shown = self._appears()
         self.end_frame()
         if self.mirror is not None:
@@ -159,7 +161,7 @@ class HeadsetWindow(ContextDevice, ABC):
         return shown
 
     def read_codes(self, size: tuple[int, int] | None = None) -> NDArray[np.int64]:
-        """Return the codes drawn before the next flip, both eyes: (height, 2 widths, 3), row 0 on top.
+        """Return the codes drawn before the next flip, of all views: (height, widths, 3), row 0 on top.
 
         It waits for the drawing: for tests, screenshots and rehearsals. `size` takes a centred part of that
         width and height of the picture of the eye that counts.
@@ -168,9 +170,9 @@ class HeadsetWindow(ContextDevice, ABC):
 
         if size is not None:
             return self.codes_later(size)()
-        width, height = self.eye_size()
+        width, height = self.picture().size
         codes = np.frombuffer(self.picture().read(components=3, alignment=1), dtype=np.uint8)
-        return codes.reshape(height, 2 * width, 3)[::-1].astype(np.int64)
+        return codes.reshape(height, width, 3)[::-1].astype(np.int64)
 
     def codes_later(self, size: tuple[int, int], *, top: bool = False) -> Callable[[], NDArray[np.int64]]:
         """Begin to read codes of the eye that counts, before the next flip, and return what takes them.
@@ -180,9 +182,9 @@ class HeadsetWindow(ContextDevice, ABC):
         """
         import numpy as np
 
-        width, height = self.eye_size()
+        left, _, width, height = self._part()
         across, down = min(size[0], width), min(size[1], max(height // 8, 1) if top else height)
-        left = (self._eye is Eye.RIGHT) * width + (width - across) // 2
+        left += (width - across) // 2
         bottom = height - down if top else (height - down) - (height - down) // 2
         count = 4 * across * down
         slot, self._readings = self._readings % READINGS, self._readings + 1
@@ -198,12 +200,12 @@ class HeadsetWindow(ContextDevice, ABC):
         return taken
 
     def seen_pixels(self, eye: Eye | None = None) -> NDArray[np.bool_] | None:
-        """Return which pixels of an eye's picture its lens shows, of the one that counts if none is named.
+        """Return which pixels of an eye's wide view its lens shows, of the one that counts if none is named.
 
         Row 0 is on top, (height, width). None where the runtime does not say, or hides all of it.
         """
         at, facts = (eye or self._eye) is Eye.RIGHT, self.facts()
-        seen = seen_pixels(facts.fovs[at], facts.hidden[at], self.eye_size())
+        seen = seen_pixels(facts.fovs[at], facts.hidden[at], self.view_sizes()[at])
         return seen if facts.hidden[at] and seen.any() else None
 
     def presses(self) -> list[KeyPress]:
@@ -219,25 +221,26 @@ class HeadsetWindow(ContextDevice, ABC):
 
     def apparatus(self) -> dict[str, str]:
         """Return what the runtime says of itself, and how large the pictures are."""
-        facts, (width, height) = self.facts(), self.eye_size()
+        facts, sizes = self.facts(), self.view_sizes()
         said = {
             "runtime": facts.runtime,
             "system": facts.system,
-            "eye_size": f"{width} x {height} pixels",
+            **{
+                name: "{} x {} pixels".format(*size)
+                for name, size in zip(("eye_size", "focus_size"), sizes[::2], strict=False)
+            },
             "eye_that_counts": self._eye.value,
             "eye_distance_mm": f"{1e3 * facts.eye_distance:.1f}",
             "refresh_rate_hz": f"{facts.refresh_rate:.3f}",
             "bits": str(BITS),
             "clock": "refreshes drawn" if self._refresh_clock else "runtime",
         }
-        for eye, fov in zip(Eye, facts.fovs, strict=True):
+        names = (*(eye.value for eye in Eye), *(f"focus_{eye.value}" for eye in Eye))
+        for name, fov, (width, _) in zip(names, facts.fovs, sizes, strict=False):
             edges = (math.degrees(edge) for edge in (fov.left, fov.right, fov.down, fov.up))
-            said[f"field_of_view_{eye.value}_deg"] = "{:.2f} to {:.2f}, {:.2f} to {:.2f} upwards".format(
-                *edges
-            )
-            said[f"pixels_per_degree_{eye.value}"] = (
-                f"{centre_pixels_per_degree(fov, width):.3f} at the centre"
-            )
+            said[f"field_of_view_{name}_deg"] = "{:.2f} to {:.2f}, {:.2f} to {:.2f} upwards".format(*edges)
+            said[f"pixels_per_degree_{name}"] = f"{centre_pixels_per_degree(fov, width):.3f} at the centre"
+        for eye in Eye:
             seen = self.seen_pixels(eye)
             said[f"hidden_area_{eye.value}"] = (
                 "not known: every pixel counts" if seen is None else f"{1 - seen.mean():.4f} of the picture"
@@ -253,8 +256,8 @@ class HeadsetWindow(ContextDevice, ABC):
         """Return what is behind the window, for a session's manifest: packages, graphics, controllers."""
 
     @abstractmethod
-    def eye_size(self) -> tuple[int, int]:
-        """Return width and height of one eye's picture, as it is drawn [pixels]."""
+    def view_sizes(self) -> tuple[Size, ...]:
+        """Return width and height of each view, as it is drawn [pixels]; the left one has the right one's."""
 
     @abstractmethod
     def context(self) -> moderngl.Context:
@@ -279,7 +282,7 @@ class HeadsetWindow(ContextDevice, ABC):
 
     @abstractmethod
     def picture(self) -> moderngl.Framebuffer:
-        """Return the picture of the frame: twice an eye's width, the left eye in the left half."""
+        """Return the picture of the frame, in which its views lie side by side."""
 
     @abstractmethod
     def end_frame(self) -> None:
@@ -300,6 +303,10 @@ class HeadsetWindow(ContextDevice, ABC):
     @abstractmethod
     def stick(self) -> tuple[float, float]:
         """Return how far the stick of either controller is pushed now: right and up, each from -1 to 1."""
+
+    def _part(self) -> Part:
+        """Return where the wide view of the eye that counts is."""
+        return side_by_side(self.view_sizes())[self._eye is Eye.RIGHT]
 
     def _begin_frame(self) -> None:
         self._in_runtime = self.begin_frame()

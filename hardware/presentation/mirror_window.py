@@ -12,8 +12,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.recordings.rig import Eye
-from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB
+from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB, Part
 from evenlight.hardware.presentation.key_names import printed_name
 from evenlight.hardware.presentation.openxr_runtime import INSTALL, one_line
 from evenlight.hardware.protocols import ContextDevice, KeyPress
@@ -110,23 +109,22 @@ class MirrorWindow(ContextDevice):
         if not self._closed:
             self._glfw.make_context_current(self._window)
 
-    def take(self, framebuffer: moderngl.Framebuffer, eye: Eye) -> None:
-        """Copy one eye's half of what was drawn, at most 30 times a second; the graphics card does it later.
+    def take(self, framebuffer: moderngl.Framebuffer, part: Part) -> None:
+        """Copy a view out of what was drawn, at most 30 times a second; the graphics card does it later.
 
         Parameters
         ----------
         framebuffer : moderngl.Framebuffer
-            Both eyes side by side, before it is handed to the runtime, whose it is then; bound afterwards.
-        eye : Eye
-            Whose half.
+            What was drawn, before it is handed to the runtime, whose it is then; bound afterwards.
+        part : (int, int, int, int)
+            Where in it the view is.
         """
         now = time.perf_counter()
         if now - self._shown < LONGEST_INTERVAL:
             return
         self._shown, self._due = now, True
-        half = framebuffer.width // 2
-        left = half if eye is Eye.RIGHT else 0
-        source = (left, 0, left + half, framebuffer.height)
+        left, bottom, width, height = part
+        source = (left, bottom, left + width, bottom + height)
         x, y, right, top = self._place = _fitted(source, *self._room())
         if self._taken is None or self._taken.size != (right - x, top - y):
             self._taken = self._context.framebuffer([self._context.texture((right - x, top - y), 4)])

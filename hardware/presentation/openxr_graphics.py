@@ -10,7 +10,7 @@ import ctypes
 import sys
 from typing import TYPE_CHECKING, Any
 
-from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB, SRGB8_ALPHA8, Triangle
+from evenlight.hardware.presentation.headset_views import FRAMEBUFFER_SRGB, SRGB8_ALPHA8, Part, Triangle
 from evenlight.hardware.presentation.openxr_runtime import HIDDEN_AREA
 from evenlight.hardware.protocols import Fault, InstrumentError
 
@@ -91,7 +91,7 @@ def _egl_binding(egl: Any) -> EglBinding:
     return EglBinding(EGL_TYPE, None, address, display, configs[0], context)
 
 
-def hidden_area(runtime: OpenXRRuntime, session: Any, eye: int) -> tuple[Triangle, ...]:
+def hidden_area(runtime: OpenXRRuntime, session: Any, kind: Any, eye: int) -> tuple[Triangle, ...]:
     """Return what an eye's lens never shows, the left one being number 0; nothing if it is not said.
 
     The runtime is asked directly: pyopenxr's own function leaves no room for what it says.
@@ -101,7 +101,7 @@ def hidden_area(runtime: OpenXRRuntime, session: Any, eye: int) -> tuple[Triangl
         return ()
     function = xr.get_instance_proc_addr(runtime.instance, "xrGetVisibilityMaskKHR")
     ask, mask = ctypes.cast(function, xr.PFN_xrGetVisibilityMaskKHR), xr.VisibilityMaskKHR()
-    views, hidden = xr.ViewConfigurationType.PRIMARY_STEREO.value, kinds.HIDDEN_TRIANGLE_MESH.value
+    views, hidden = kind.value, kinds.HIDDEN_TRIANGLE_MESH.value
     failed = ask(session, views, eye, hidden, ctypes.byref(mask))  # how much there is
     points, places = mask.vertex_count_output, mask.index_count_output
     vertices, indices = (xr.Vector2f * points)(), (ctypes.c_uint32 * places)()
@@ -116,7 +116,7 @@ def hidden_area(runtime: OpenXRRuntime, session: Any, eye: int) -> tuple[Triangl
 
 
 class Swapchain:
-    """The pictures that go to the runtime: both eyes side by side.
+    """The pictures that go to the runtime: all views side by side.
 
     Parameters
     ----------
@@ -127,7 +127,7 @@ class Swapchain:
     context : moderngl.Context
         The context of the session.
     size : tuple of int
-        Width of both eyes together, and height [pixels].
+        Width of all views together, and height [pixels].
 
     Raises
     ------
@@ -170,10 +170,9 @@ class Swapchain:
             self._xr.release_swapchain_image(self.handle)
         return drawn
 
-    def half(self, eye: int) -> Any:
-        """Return where an eye's picture is, the left one being number 0."""
-        width, height = self.size[0] // 2, self.size[1]
-        rectangle = self._xr.Rect2Di(self._xr.Offset2Di(eye * width, 0), self._xr.Extent2Di(width, height))
+    def part(self, part: Part) -> Any:
+        """Return where a view is, as the runtime takes it: with OpenGL from the lower left corner."""
+        rectangle = self._xr.Rect2Di(self._xr.Offset2Di(*part[:2]), self._xr.Extent2Di(*part[2:]))
         return self._xr.SwapchainSubImage(swapchain=self.handle, image_rect=rectangle)
 
     def _require_format(self, offered: Any) -> None:
@@ -189,7 +188,7 @@ class Swapchain:
         most = (limits.max_swapchain_image_width, limits.max_swapchain_image_height)
         if self.size[0] > most[0] or self.size[1] > most[1]:
             raise InstrumentError(
-                f"both eyes' pictures together have {self.size[0]} x {self.size[1]} pixels, and the runtime "
+                f"the views together have {self.size[0]} x {self.size[1]} pixels, and the runtime "
                 f"takes {most[0]} x {most[1]}: give the rig full_screen = false and a smaller window_size",
                 Fault.REFUSED,
             )

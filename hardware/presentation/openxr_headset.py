@@ -10,7 +10,16 @@ from dataclasses import replace
 from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
-from evenlight.hardware.presentation.headset_views import EyeFov, EyePose, HeadsetFacts, HeadsetFrame, Pose
+from evenlight.hardware.presentation.headset_views import (
+    EyeFov,
+    EyePose,
+    HeadsetFacts,
+    HeadsetFrame,
+    Pose,
+    Size,
+    Triangle,
+    side_by_side,
+)
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.presentation.mirror_window import MirrorWindow
 from evenlight.hardware.presentation.openxr_actions import HANDS, Controllers
@@ -32,7 +41,7 @@ if TYPE_CHECKING:
 FIRST_FRAMES = 10  # until a runtime has its pace
 LONGEST_START = 30.0  # until the headset shows and tracks: it may have to be put on first [s]
 IDLE_PERIOD = 1 / 60  # of frames that nobody sees, before the runtime says its own [s]
-NOWHERE = EyePose(Pose(), EyeFov(0.0, 0.0, 0.0, 0.0))
+NOTHING = EyeFov(0.0, 0.0, 0.0, 0.0)  # is seen, as far as is known
 
 
 class OpenXRHeadset(HeadsetWindow):
@@ -41,7 +50,8 @@ class OpenXRHeadset(HeadsetWindow):
     Parameters
     ----------
     eye_size : (int, int), optional
-        Width and height of each eye's picture, in place of what the runtime recommends [pixels].
+        Width and height of each eye's picture, in place of what the runtime recommends [pixels]; then there
+        are no focus views.
     gaze : bool, optional
         Whether it is asked where the eyes look, if the runtime offers that.
 
@@ -64,32 +74,36 @@ class OpenXRHeadset(HeadsetWindow):
         self._period, self._latest = IDLE_PERIOD, 0.0  # and when the latest frame appears [s]
         self._due = 0  # display time of the frame that is open; 0 for none [ns]
         self._recentred_at: int | None = None  # when the runtime moves its origin [ns]
-        self._eyes, self._head = (NOWHERE, NOWHERE), Pose()
-        self._views: Any = ()
+        self._head, self._views = Pose(), list[Any]()
         self._unseen: moderngl.Framebuffer | None = None
+        self._facts: HeadsetFacts | None = None
         with ExitStack() as opened:
             self._runtime = opened.enter_context(closing(OpenXRRuntime(openxr_library(), gaze=gaze)))
             self._xr = self._runtime.xr
             self._state = self._xr.SessionState.IDLE
             with self._runtime.talking():
-                self._recommended = self._recommended_size()
-                self._eye_size = eye_size or self._recommended
+                self._kind = self._view_configuration(quad=eye_size is None)
+                self._recommended = self._recommended_sizes()
+                self._sizes = self._recommended if eye_size is None else (eye_size, eye_size)
+                parts = side_by_side(self._sizes)
+                self._eyes = tuple(EyePose(Pose(), NOTHING, part) for part in parts)
                 self._require_tracking(self._runtime.system.tracking_properties.orientation_tracking)
-                self.mirror = MirrorWindow(self._eye_size, self.now, egl=self._runtime.offers(EGL))
+                self.mirror = MirrorWindow(self._sizes[0], self.now, egl=self._runtime.offers(EGL))
                 opened.callback(self.mirror.close)
                 self._xr.afterwards = self.mirror.make_current
                 self._session = self._new_session()
                 opened.callback(self._end_session)
                 self._space = self._reference_space(self._xr.ReferenceSpaceType.LOCAL)
                 self._head_space = self._reference_space(self._xr.ReferenceSpaceType.VIEW)
-                width, height = self._eye_size
-                self._swapchain = Swapchain(self._runtime, self._session, self.context(), (2 * width, height))
+                whole = sum(width for width, _ in self._sizes), max(height for _, height in self._sizes)
+                self._swapchain = Swapchain(self._runtime, self._session, self.context(), whole)
                 self._controllers = Controllers(self._runtime, self._session)
             self._facts = self._first_frames()
             self._opened = opened.pop_all()
 
     def facts(self) -> HeadsetFacts:
         """Return what the runtime says of the headset."""
+        assert self._facts is not None
         return self._facts
 
     def versions(self) -> dict[str, str]:
@@ -106,9 +120,9 @@ class OpenXRHeadset(HeadsetWindow):
             **{f"controller_{hand}": name for hand, name in zip(HANDS, names, strict=True)},
         }
 
-    def eye_size(self) -> tuple[int, int]:
-        """Return width and height of one eye's picture [pixels]."""
-        return self._eye_size
+    def view_sizes(self) -> tuple[Size, ...]:
+        """Return width and height of each view, as it is drawn [pixels]."""
+        return self._sizes
 
     def context(self) -> moderngl.Context:
         """Return the graphics context, which is the mirror window's."""
@@ -158,12 +172,12 @@ class OpenXRHeadset(HeadsetWindow):
                 return
             xr, due, self._due = self._xr, self._due, 0
             layers = []
-            if drawn and len(self._views) == 2:
+            if drawn and self._views:
                 views = [
                     xr.CompositionLayerProjectionView(
-                        pose=view.pose, fov=view.fov, sub_image=self._swapchain.half(eye)
+                        pose=view.pose, fov=view.fov, sub_image=self._swapchain.part(eye.part)
                     )
-                    for eye, view in enumerate(self._views)
+                    for eye, view in zip(self._eyes, self._views, strict=True)
                 ]
                 layers = [ctypes.pointer(xr.CompositionLayerProjection(space=self._space, views=views))]
             info = xr.FrameEndInfo(
@@ -189,17 +203,26 @@ class OpenXRHeadset(HeadsetWindow):
             super().close()
             self._opened.close()
 
-    def _recommended_size(self) -> tuple[int, int]:
-        """Return the size that the runtime recommends for an eye's picture: the larger, if they differ."""
-        xr = self._xr
-        views = xr.enumerate_view_configuration_views(
-            self._runtime.instance, self._runtime.system_id, xr.ViewConfigurationType.PRIMARY_STEREO
-        )
-        width = max(int(view.recommended_image_rect_width) for view in views)
-        height = max(int(view.recommended_image_rect_height) for view in views)
-        if min(width, height) < 1:
-            raise self._implausible(f"recommends pictures of {width} x {height} pixels")
-        return width, height
+    def _view_configuration(self, quad: bool) -> Any:
+        """Return which views are drawn: with those of the focus, if the runtime has them and they may be."""
+        xr, runtime = self._xr, self._runtime
+        kinds = xr.ViewConfigurationType
+        offered = map(int, xr.enumerate_view_configurations(runtime.instance, runtime.system_id))
+        focused = kinds.PRIMARY_STEREO_WITH_FOVEATED_INSET
+        return focused if quad and focused.value in offered else kinds.PRIMARY_STEREO
+
+    def _recommended_sizes(self) -> tuple[Size, ...]:
+        """Return the sizes that the runtime recommends for the views; left and right have the larger one."""
+        xr, runtime = self._xr, self._runtime
+        said = xr.enumerate_view_configuration_views(runtime.instance, runtime.system_id, self._kind)
+        sizes: list[Size] = []
+        for pair in zip(said[::2], said[1::2], strict=True):
+            width = max(int(view.recommended_image_rect_width) for view in pair)
+            height = max(int(view.recommended_image_rect_height) for view in pair)
+            if min(width, height) < 1:
+                raise self._implausible(f"recommends pictures of {width} x {height} pixels")
+            sizes += [(width, height)] * 2
+        return tuple(sizes)
 
     def _implausible(self, words: str) -> InstrumentError:
         return InstrumentError(
@@ -255,31 +278,35 @@ class OpenXRHeadset(HeadsetWindow):
 
     def _stated(self, frame: HeadsetFrame) -> HeadsetFacts:
         """Return what the runtime says; a resumed session finds the same refresh rate."""
-        xr, system, left, right = self._xr, self._runtime.system, *frame.eyes
+        xr, system, (left, right, *_) = self._xr, self._runtime.system, frame.eyes
         rate, rates = 0.0, tuple[float, ...]()
-        for fov in (left.fov, right.fov):
+        fovs = tuple(eye.fov for eye in frame.eyes)
+        for fov in fovs:
             wide, high = math.degrees(fov.right - fov.left), math.degrees(fov.up - fov.down)
             if not (0 < wide < 180 and 0 < high < 180):
                 raise self._implausible(f"says that an eye sees {wide:.4g} by {high:.4g} degrees")
         with self._runtime.talking():
-            hidden = (
-                hidden_area(self._runtime, self._session, 0),
-                hidden_area(self._runtime, self._session, 1),
-            )
+            hidden = self._hidden()
             if self._runtime.offers(REFRESH_RATES):
                 rate = getattr(xr.get_display_refresh_rate_fb(self._session), "value", 0.0)
                 rates = tuple(float(one) for one in xr.enumerate_display_refresh_rates_fb(self._session))
         return HeadsetFacts(
             runtime=self._runtime.name,
             system=system.system_name.decode(errors="replace"),
-            eye_size=self._recommended,
-            fovs=(left.fov, right.fov),
+            eye_size=self._recommended[0],
+            fovs=fovs,
             refresh_rate=round(rate or 1 / self._period, 2),
             refresh_rates=rates,
             tracks_position=bool(system.tracking_properties.position_tracking),
             eye_distance=math.dist(left.pose.position, right.pose.position),
             hidden=hidden,
+            focus_size=self._recommended[2] if len(fovs) > 2 else None,
         )
+
+    def _hidden(self) -> tuple[tuple[Triangle, ...], tuple[Triangle, ...]]:
+        """Return what the lenses never show of the wide views."""
+        left, right = (hidden_area(self._runtime, self._session, self._kind, eye) for eye in (0, 1))
+        return left, right
 
     def _idle_frame(self) -> HeadsetFrame:
         """Return a frame that nobody sees, a refresh after the latest one."""
@@ -311,6 +338,8 @@ class OpenXRHeadset(HeadsetWindow):
                 change = _as(event, xr.EventDataReferenceSpaceChangePending)
                 if change.reference_space_type == xr.ReferenceSpaceType.LOCAL:
                     self._recentred_at = int(change.change_time)
+            elif event.type == types.EVENT_DATA_VISIBILITY_MASK_CHANGED_KHR and self._facts is not None:
+                self._facts = replace(self._facts, hidden=self._hidden())
             elif event.type == types.EVENT_DATA_INSTANCE_LOSS_PENDING:
                 self._lost = "the OpenXR runtime is about to stop"
             elif self._runtime.offers(PRESENCE) and event.type == types.EVENT_DATA_USER_PRESENCE_CHANGED_EXT:
@@ -322,9 +351,7 @@ class OpenXRHeadset(HeadsetWindow):
         states = self._xr.SessionState
         self._state = state
         if state == states.READY:
-            self._xr.begin_session(
-                self._session, self._xr.SessionBeginInfo(self._xr.ViewConfigurationType.PRIMARY_STEREO)
-            )
+            self._xr.begin_session(self._session, self._xr.SessionBeginInfo(self._kind))
             self._running = True
         elif state == states.STOPPING:
             self._running = False
@@ -340,7 +367,7 @@ class OpenXRHeadset(HeadsetWindow):
         What is not known, or what the runtime fails to say, stays as it was.
         """
         xr = self._xr
-        info = xr.ViewLocateInfo(xr.ViewConfigurationType.PRIMARY_STEREO, self._due, self._space)
+        info = xr.ViewLocateInfo(self._kind, self._due, self._space)
         try:
             state, views = xr.locate_views(self._session, info)
             head = _pose(xr.locate_space(self._head_space, self._space, self._due).pose)
@@ -350,8 +377,11 @@ class OpenXRHeadset(HeadsetWindow):
         known = bits.ORIENTATION_VALID_BIT | bits.POSITION_VALID_BIT in flags
         if not known or not _is_pose(head):
             return False
-        left, right = (EyePose(_pose(view.pose), _fov(view.fov)) for view in views)
-        self._views, self._eyes, self._head = views, (left, right), head
+        self._views, self._head = views, head
+        self._eyes = tuple(
+            EyePose(_pose(view.pose), _fov(view.fov), eye.part)
+            for eye, view in zip(self._eyes, views, strict=True)
+        )
         return bits.ORIENTATION_TRACKED_BIT in flags
 
     def _gaze(self) -> Pose | None:

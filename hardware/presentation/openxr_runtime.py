@@ -27,7 +27,8 @@ OPENGL, EGL = "XR_KHR_opengl_enable", "XR_MNDX_egl_enable"
 HIDDEN_AREA = "XR_KHR_visibility_mask"
 GAZE = "XR_EXT_eye_gaze_interaction"
 VARJO_CONTROLLER = "XR_VARJO_xr4_controller_interaction"
-OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER, HIDDEN_AREA, GAZE)
+QUAD_VIEWS = "XR_VARJO_quad_views"  # of OpenXR 1.0; in 1.1 it is part of the specification
+OPTIONAL = (REFRESH_RATES, PRESENCE, EGL, VARJO_CONTROLLER, HIDDEN_AREA, GAZE, QUAD_VIEWS)
 
 
 def openxr_library() -> Any:

@@ -17,8 +17,10 @@ from evenlight.hardware.presentation.headset_views import (
     HeadsetFacts,
     HeadsetFrame,
     Pose,
+    Size,
     Triangle,
     rotation,
+    side_by_side,
 )
 from evenlight.hardware.presentation.headset_window import HeadsetWindow
 from evenlight.hardware.protocols import Fault, KeyPress
@@ -33,6 +35,7 @@ EYE_DISTANCE = 0.063  # [m]
 EYE_SIZE = (1280, 1280)
 # Edges of the left eye's picture [deg]: towards the nose less than outwards, downwards more than up.
 OUTWARDS, INWARDS, UPWARDS, DOWNWARDS = 47.0, 43.0, 44.0, 46.0
+FOCUS = 13.5  # [deg] to each side that the focus views see, as those of Varjo's XR-3
 Span = tuple[float, float]
 
 
@@ -69,6 +72,7 @@ class HeadsetScript:
         (),
     )  # by the lenses, as `HeadsetFacts` has
     lost_at: int | None = None  # the frame at which the runtime goes away
+    focus_size: Size | None = None  # of the focus views, if it has any
 
 
 class SimulatedHeadset(HeadsetWindow):
@@ -108,32 +112,32 @@ class SimulatedHeadset(HeadsetWindow):
         self._open = False  # whether a frame is being drawn
         self._pressed, self._appeared = 0, 0.0  # how many presses were told, and when the last frame appears
         self._context = _offscreen()
-        width, height = eye_size
+        sizes = self.view_sizes()
+        whole = sum(width for width, _ in sizes), max(height for _, height in sizes)
         self._images = [
-            self._context.framebuffer(
-                self._context.texture((2 * width, height), 4, internal_format=SRGB8_ALPHA8)
-            )
+            self._context.framebuffer(self._context.texture(whole, 4, internal_format=SRGB8_ALPHA8))
             for _ in range(IMAGES)
         ]
 
     def facts(self) -> HeadsetFacts:
         """Return what a runtime would say."""
-        left, right = (eye.fov for eye in self._eyes(Pose()))
         return HeadsetFacts(
             runtime="simulated",
             system="simulated headset",
             eye_size=self._eye_size,
-            fovs=(left, right),
+            fovs=tuple(eye.fov for eye in self._eyes(Pose())),
             refresh_rate=self._rate,
             refresh_rates=(self._rate,),
             tracks_position=True,
             eye_distance=EYE_DISTANCE,
             hidden=self.script.hidden,
+            focus_size=self.script.focus_size,
         )
 
-    def eye_size(self) -> tuple[int, int]:
-        """Return width and height of the picture of one eye [pixels]."""
-        return self._eye_size
+    def view_sizes(self) -> tuple[Size, ...]:
+        """Return width and height of each view [pixels]."""
+        focus = self.script.focus_size
+        return 2 * (self._eye_size,) + (() if focus is None else 2 * (focus,))
 
     def context(self) -> moderngl.Context:
         """Return the graphics context, current."""
@@ -161,7 +165,7 @@ class SimulatedHeadset(HeadsetWindow):
         return self._framed((self._refresh + AHEAD) / self._rate)
 
     def picture(self) -> moderngl.Framebuffer:
-        """Return what the frame is drawn to: both eyes side by side."""
+        """Return what the frame is drawn to: all views side by side."""
         self._require_frame()
         return self._images[self._begun % IMAGES]
 
@@ -216,14 +220,15 @@ class SimulatedHeadset(HeadsetWindow):
         state = visible, tracked, recentred, self.script.gaze(shown)
         return HeadsetFrame(shown, 1 / self._rate, self._eyes(head), head, *state)
 
-    def _eyes(self, head: Pose) -> tuple[EyePose, EyePose]:
-        wide, narrow, up, down = map(math.radians, (OUTWARDS, INWARDS, UPWARDS, DOWNWARDS))
+    def _eyes(self, head: Pose) -> tuple[EyePose, ...]:
+        wide, narrow, up, down, focus = map(math.radians, (OUTWARDS, INWARDS, UPWARDS, DOWNWARDS, FOCUS))
         x, y, z = head.position
         dx, dy, dz = (rotation(head) @ (EYE_DISTANCE / 2, 0.0, 0.0)).tolist()
         left = Pose((x - dx, y - dy, z - dz), head.orientation)
         right = Pose((x + dx, y + dy, z + dz), head.orientation)
         fovs = EyeFov(-wide, narrow, up, -down), EyeFov(-narrow, wide, up, -down)
-        return EyePose(left, fovs[0]), EyePose(right, fovs[1])
+        sharp, parts = EyeFov(-focus, focus, focus, -focus), side_by_side(self.view_sizes())
+        return tuple(map(EyePose, 2 * (left, right), (*fovs, sharp, sharp), parts))
 
     def _wait(self) -> None:
         """Wait for the refresh that is due, or take the next one if it has passed."""

@@ -109,6 +109,17 @@ class OneFactorLoss:
             weighs=model.loss is LossForm.SUPRATHRESHOLD,
             lost_light=np.float32(display.reflected_luminance + model.epsilon),
         )
+        self.count_only(np.ones(shape, dtype=bool))
+
+    def count_only(self, seen: NDArray[np.bool_]) -> None:
+        """Let only some pixels count from now on, (height, width): those that a headset's lens shows.
+
+        In coarser bands it is what the pixel is at which theirs lies. Others' light adapts and masks all the
+        same, for they are drawn; of a model without tables all count.
+        """
+        self._counted = [
+            np.ascontiguousarray(seen[::step, ::step]) for step in 2 ** np.arange(len(self._bands))
+        ]
 
     def of(self, pixel_values: NDArray[Any], factor: float, turn: int = 0) -> MeasuredLoss:
         """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
@@ -147,35 +158,35 @@ class OneFactorLoss:
             return dimmed, full
         shares, fine = np.zeros(2), np.ascontiguousarray(emitted, dtype=np.float32)
         coarse = reduced(fine)
-        for band in self._bands:
+        for band, counted in zip(self._bands, self._counted, strict=True):
             coarser = reduced(coarse)
             if band.can_be_seen:
-                levels = fine, coarse, expanded(coarser, *coarse.shape)
+                levels = fine, coarse, expanded(coarser, *coarse.shape), counted
                 shares += self._shares_of_band(levels, band, factor, turn)
             fine, coarse = coarse, coarser
         return float(shares[0] / len(self._bands)), float(shares[1] / len(self._bands))
 
     def _shares_of_band(
-        self, levels: tuple[Any, Any, Any], band: BandTable, factor: float, turn: int
+        self, levels: tuple[Any, Any, Any, Any], band: BandTable, factor: float, turn: int
     ) -> Array:
-        fine, coarse, around = levels
+        fine, _, around, counted = levels
         tables = contrast_tables(band, self._model, (fine, around), factor)
-        height, width = fine.shape
-        counts, rows = np.zeros(2), 0
-        for begin, end in counted_rows(height, self._one_in if fine.size > MANY_PIXELS else 1, turn):
-            counts += _count_visible(fine, coarse, around, (begin, end), (tables, self._counting))
-            rows += end - begin
-        return np.asarray(counts / (rows * width))
+        counts, pixels = np.zeros(2), 0
+        for begin, end in counted_rows(len(fine), self._one_in if fine.size > MANY_PIXELS else 1, turn):
+            counts += _count_visible(*levels, (begin, end), (tables, self._counting))
+            pixels += int(np.count_nonzero(counted[begin:end]))
+        return np.asarray(counts / max(pixels, 1))
 
 
 @compiled
 def _count_visible(
-    fine: Any, coarse: Any, adaptation: Any, rows: Any, choices: tuple[ContrastTables, Counting]
+    fine: Any, coarse: Any, adaptation: Any, counted: Any, rows: Any, choices: tuple[ContrastTables, Counting]
 ) -> Any:
     """Return what the pixels of some rows of a band count at the factor, and at 1.
 
-    The levels are as of `one_pass.count_band`; `rows` holds the first row that counts, and the one after the
-    last; `choices` the tables of the band, and what a pixel counts.
+    The levels are as of `one_pass.count_band`; `counted` says which pixels count;
+    `rows` holds the first row that counts, and the one after the last; `choices` the tables of the band, and
+    what a pixel counts.
     """
     tables, counting = choices
     height, width = fine.shape
@@ -194,7 +205,7 @@ def _count_visible(
         if i < last:
             expand_row(coarse, i, height, between, low)
             expand_row(adaptation, i, height, between, seen)
-            weight[1, new] = 1
+            weight[1, new] = counted[i]
             _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[1, new]))
             weight[0, new] = weight[1, new]
             for at in range(first_at, 2):
@@ -218,7 +229,7 @@ def _count_visible(
 
 @compiled
 def _ratio_row(fine: Any, low: Any, seen: Any, tables: Any, filled: Any) -> None:
-    """Fill rows of log2 r, of log2 L_a, and of whether a pixel counts."""
+    """Fill rows of log2 r and of log2 L_a, and set to 0 the weights of pixels that do not count."""
     ratio, light, weight = filled
     for j in range(fine.size):
         around = max(seen[j], _DARKEST)
@@ -228,7 +239,8 @@ def _ratio_row(fine: Any, low: Any, seen: Any, tables: Any, filled: Any) -> None
         light[:] = tables.log_common_adaptation
     if tables.positive_only:
         for j in range(fine.size):
-            weight[j] = np.float32(1) if fine[j] > low[j] else np.float32(0)
+            if fine[j] <= low[j]:
+                weight[j] = np.float32(0)
 
 
 @compiled

@@ -204,6 +204,10 @@ class GpuLoss:
         self.one_pass.start(ready, np.array([asked, 0.0]), np.array([asked / 2, asked, 0.0]))
         self._fences.append(Fence())
 
+    def count_only(self, seen: NDArray[np.bool_]) -> None:
+        """Let only some pixels count from the next start on, as `OneFactorLoss.count_only`."""
+        self.one_pass.count_only(seen)
+
     def ready(self) -> bool:
         """Return whether the answer for the oldest frame under way is there; never waits."""
         return bool(self._fences) and self._fences[0].passed()

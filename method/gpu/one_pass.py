@@ -47,13 +47,16 @@ if TYPE_CHECKING:
 
 MOST_KNOTS = 1024  # that a group can count in memory of its own
 UNDER_WAY = 2  # frames at most: one is worked on while the one before is read
-_BANDS, _TABLES, _FACTORS = 1, 2, 4  # places of buffers in `count.glsl`
+_BANDS, _TABLES, _FACTORS, _SEEN = 1, 2, 4, 5  # places of buffers in `count.glsl`
 _ACROSS = 4096  # groups in a row of the dispatch; drivers allow 65535
 _OWN_COUNTS = 2048  # numbers that a group counts in: each knot's as often as there is room, 32 times at most
 TILE = 28  # pixels across and down that a group counts
 _RECORD = np.dtype(
     [(name, np.int32) for name in ("width", "height", "fine_at", "coarse_at", "coarser_at", "first_group")]
-    + [(name, np.int32) for name in ("tiles_across", "tiles", "first_reference", "counts_at", "tables_at")]
+    + [
+        (name, np.int32)
+        for name in ("tiles_across", "tiles", "first_reference", "counts_at", "tables_at", "step")
+    ]
     + [(name, np.float32) for name in ("log_darkest", "per_log_luminance")]
     + [(name, np.float32) for name in ("log_faintest", "per_log_sensitivity")]
 )
@@ -85,11 +88,14 @@ class GpuOnePass:
         self.n_bands = len(tables)
         self._pyramid = GpuPyramid(context, shape, display, model.pixel_to_luminance, len(tables) + 2)
         seen = {level: table for level, table in enumerate(tables) if table.can_be_seen}
-        # Of each band, finest first: its pixels, at how many factors neighbours are compared, and where its
+        # Of each band, finest first: its level, at how many factors neighbours are compared, and where its
         # counts begin among the words of the results, one for each knot of each of these factors.
         self._places: list[tuple[int, int, int]] = []
         steps = self._make_buffers(seen, threshold_table(model.masking_strength))
-        self._count = program(context, ("mirror", "count"), _defined(model, request, steps))
+        self._defined = _defined(model, request, steps)
+        self._count = program(context, ("mirror", "count"), self._defined)
+        self._seen: moderngl.Buffer | None = None
+        self._pixels = [height * width for height, width in self._pyramid.shapes]  # of each level that count
         self._under_way: list[int] = []
         self._next = 0
 
@@ -119,6 +125,17 @@ class GpuOnePass:
         self._under_way.append(self._next)
         self._next = (self._next + 1) % UNDER_WAY
 
+    def count_only(self, seen: NDArray[np.bool_]) -> None:
+        """Let only some pixels count from the next frame on, as `contrast.one_factor` does."""
+        bits = np.packbits(seen, bitorder="little").tobytes() + bytes(3)
+        if self._seen is None:
+            self._count = program(self._context, ("mirror", "count"), self._defined | {"HIDDEN": ""})
+            self._count["across"] = seen.shape[1]
+            self._seen = self._context.buffer(reserve=len(bits), dynamic=True)
+        self._seen.write(bits)
+        steps = 2 ** np.arange(len(self._pixels))
+        self._pixels = [max(int(np.count_nonzero(seen[::step, ::step])), 1) for step in steps]
+
     def require_idle(self) -> None:
         """Raise `ValueError` if frames are under way, whose results would be taken for that of the next."""
         if self._under_way:
@@ -141,9 +158,9 @@ class GpuOnePass:
             raise ValueError("no frame is under way: start one first")
         words = np.frombuffer(self._results[self._under_way.pop(0)].read(), np.uint32)
         bands, knots = [], self._request.knots
-        for pixels, references, at in self._places:
+        for level, references, at in self._places:
             counts = words[at : at + references * knots].reshape(-1, knots)
-            bands.append(counts.cumsum(axis=1, dtype=float) / pixels)
+            bands.append(counts.cumsum(axis=1, dtype=float) / self._pixels[level])
         height, width = self._shape
         return bands, sums_of(words) / (height * width)
 
@@ -164,8 +181,8 @@ class GpuOnePass:
             split = groups, across, across * down
             starts = few, words, sum(part.size for part in tables)
             begins = pyramid.begins[level : level + 3]
-            records[number] = width, height, *begins, *split, *starts, *_ranges(table)
-            self._places.append((height * width, references, words))
+            records[number] = width, height, *begins, *split, *starts, 2**level, *_ranges(table)
+            self._places.append((level, references, words))
             tables += [table.log_sensitivity, table.log_luminance]
             words += references * request.knots
             groups += across * down * references
@@ -186,6 +203,8 @@ class GpuOnePass:
         self._tables.bind_to_storage_buffer(_TABLES)
         results.bind_to_storage_buffer(RESULTS)
         self._factors.bind_to_storage_buffer(_FACTORS)
+        if self._seen is not None:
+            self._seen.bind_to_storage_buffer(_SEEN)
 
 
 def _defined(

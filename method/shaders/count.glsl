@@ -12,11 +12,16 @@ struct Band {
     int first_reference;  // among the factors
     int counts_at;        // among the results, first reference
     int tables_at;        // its sensitivities, then its luminances
+    int step;             // pixels of the frame from one of its pixels to the next
     float log_darkest, per_log_luminance;     // beginning of the sensitivities' table, 1 / its span
     float log_faintest, per_log_sensitivity;  // of the luminances' table
 };
 
 uniform int n_groups;
+#ifdef HIDDEN
+uniform int across;       // pixels of the frame
+layout(std430, binding = 5) readonly buffer Seen { uint seen[]; };  // a bit for each pixel of the frame
+#endif
 
 layout(std430, binding = 0) readonly buffer Pyramid { float pyramid[]; };
 layout(std430, binding = 1) readonly buffer Bands { Band bands[]; };
@@ -134,6 +139,10 @@ void main() {
             strength = exp2(MASKING_EXPONENT * log_contrast[k]);
 #ifdef POSITIVE_ONLY
             if (difference <= 0.0) log_ratio[k] = NEVER;
+#endif
+#ifdef HIDDEN
+            int place_in_frame = band.step * (pixel.y * across + pixel.x);
+            if ((seen[place_in_frame >> 5] >> (place_in_frame & 31) & 1u) == 0u) log_ratio[k] = NEVER;
 #endif
         }
         power[y * REGION + x] = strength;

@@ -5,7 +5,7 @@ what an eye sees at a pixel is a mixture of points of a picture, so there are no
 level is made linear, dimmed, mixed with text in light, and drawn with the code below or above it, the share
 of the upper one being linear in light. Between two frames only uniforms change.
 
-The noise of the dithering is that of the whole framebuffer's pixels, in which the eyes lie side by side, and
+The noise of the dithering is that of the whole framebuffer's pixels, in which the views lie side by side, and
 so another one for each eye: the same for both would be seen as a surface of grain that moves with the head.
 """
 
@@ -33,14 +33,14 @@ if TYPE_CHECKING:
 
     from evenlight.hardware.protocols import Window
 
-    # Sets what eye 0 or 1 sees of an image, in its picture of some size [pixels]; returns the texture.
-    TakeImage = Callable[[int, EyePose, tuple[int, int]], moderngl.Texture]
+    # Sets what is seen of an image in a view of some number; returns the texture.
+    TakeImage = Callable[[int, EyePose], moderngl.Texture]
 
 PIXEL_BY_PIXEL, PLANE, SPHERE = range(1, 4)  # how the places in an image are found; 0 where there is none
 
 
 class EyeRenderer(CodeRenderer):
-    """Draws text over a ground, or over images, for both eyes with the codes of one display.
+    """Draws text over a ground, or over images, in the views of both eyes with the codes of one display.
 
     Parameters
     ----------
@@ -70,14 +70,13 @@ class EyeRenderer(CodeRenderer):
         self._take_text(field.coverage)
         ground = self._relative(field.luminance)
         ink = ground if field.coverage is None else self._relative(field.ink)
-        self._set(ground=ground, ink=ink, written=field.coverage is not None, height=framebuffer.height)
+        self._set(ground=ground, ink=ink, written=field.coverage is not None)
         self._begin(framebuffer)
-        size = framebuffer.width // 2, framebuffer.height
         for index, eye in enumerate(views.eyes):
-            panel = panel_matrix(eye, size, views.head, self._text.size)
-            self._set(left_edge=index * size[0], panel=panel)
-            image = self._no_image if take_image is None else take_image(index, eye, size)
-            framebuffer.viewport = (index * size[0], 0, *size)
+            left, _, width, height = framebuffer.viewport = eye.part
+            panel = panel_matrix(eye, (width, height), views.head, self._text.size)
+            self._set(left_edge=left, height=height, panel=panel)
+            image = self._no_image if take_image is None else take_image(index, eye)
             self._render(self._text, image, self._thresholds)
         framebuffer.viewport = (0, 0, framebuffer.width, framebuffer.height)
 
@@ -145,17 +144,15 @@ class EyeImageRenderer(EyeRenderer, ImageUploads):
         field = Field(picture.ground, picture.ink, picture.coverage)
         self._draw(framebuffer, field, partial(self._take_image, picture))
 
-    def _take_image(
-        self, picture: DimmedImage, index: int, eye: EyePose, size: tuple[int, int]
-    ) -> moderngl.Texture:
-        image, surface = picture.of_eyes()[index], self._surface
+    def _take_image(self, picture: DimmedImage, index: int, eye: EyePose) -> moderngl.Texture:
+        image, surface, size = picture.of_view(index), self._surface, eye.part[2:]
         part, first = image.texture.size, (0, 0)
         if isinstance(picture.image, EyeImages):
             mapping, matrix = PIXEL_BY_PIXEL, centred(part, size)
         else:
             if surface.side_by_side:
                 part = part[0] // 2, part[1]
-                first = index * part[0], 0
+                first = index % 2 * part[0], 0  # the focus views follow, left and right again
             mapping = SPHERE if isinstance(surface, Sphere) else PLANE
             matrix = surface.matrix(eye, size, part)
         self._set(mapping=mapping, surface=matrix, first=first, part=part)

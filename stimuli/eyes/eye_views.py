@@ -15,8 +15,8 @@ from evenlight.stimuli.scenes.engine.camera import EyeView
 from evenlight.stimuli.scenes.engine.scene import Floats, Vector, direction_of
 
 
-def eye_views(frame: HeadsetFrame, position: Vector, azimuth: float) -> tuple[EyeView, EyeView]:
-    """Return what the left and the right eye see of a scene.
+def eye_views(frame: HeadsetFrame, position: Vector, azimuth: float) -> tuple[EyeView, ...]:
+    """Return what is seen of a scene in the views of a frame.
 
     Parameters
     ----------
@@ -30,8 +30,7 @@ def eye_views(frame: HeadsetFrame, position: Vector, azimuth: float) -> tuple[Ey
     to_scene = np.stack(
         [direction_of(azimuth + 90, 0.0), direction_of(0.0, 90.0), -direction_of(azimuth, 0.0)], axis=1
     )
-    left, right = (_view(eye, to_scene, position) for eye in frame.eyes)
-    return left, right
+    return tuple(_view(eye, to_scene, position) for eye in frame.eyes)
 
 
 def _view(eye: EyePose, to_scene: Floats, position: Vector) -> EyeView:

@@ -8,6 +8,7 @@ searches for the same rings, and a session needs no rendering before it can be p
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -150,7 +151,7 @@ class RingScene:
 
 
 class StereoRings:
-    """A scene whose pictures, one for each eye, have a ring in them.
+    """A scene whose pictures, one for each view, have a ring in them.
 
     Parameters
     ----------
@@ -165,16 +166,15 @@ class StereoRings:
 
     Attributes
     ----------
-    eyes : (RingScene, RingScene)
-        Left and right: their `texture` holds what the eye sees.
+    eyes : list of RingScene
+        Of each view, left and right first: its `texture` holds what is seen.
     """
 
     def __init__(
         self, context: moderngl.Context, pictures: StereoRenderer, scene: Scene, display: Display
     ) -> None:
         self._scene = scene
-        left, right = (RingScene(context, eye, display) for eye in pictures.eyes)
-        self.eyes = left, right
+        self.eyes = [RingScene(context, eye, display) for eye in pictures.eyes]
 
     def paint(self, ring: Ring, position: Vector) -> PaintedRing:
         """Return a ring with the light that it has at a place, and its distance, seen from a position [m].
@@ -188,8 +188,8 @@ class StereoRings:
         distance = float(seen_along(self._scene.patches, position, direction[None])[0][0])
         return replace(self.eyes[0].paint(ring, position), seen_from=position, distance=distance)
 
-    def draw(self, views: tuple[View, View], painted_ring: PaintedRing | None = None) -> None:
-        """Draw what both eyes see, and the ring in it if one is given, into `texture` of each."""
+    def draw(self, views: Sequence[View], painted_ring: PaintedRing | None = None) -> None:
+        """Draw what is seen in each view, and the ring in it if one is given, into `texture` of each."""
         for eye, view in zip(self.eyes, views, strict=True):
             eye.draw(view, painted_ring)
 

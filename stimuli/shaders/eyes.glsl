@@ -13,7 +13,7 @@ uniform ivec2 part;              // width and height of that part
 uniform float highest_level;
 uniform bool from_below;         // whether the image's first row is the lowest
 uniform int left_edge;           // of the eye's picture in the framebuffer
-uniform int height;              // of the framebuffer
+uniform int height;              // of the eye's picture
 uniform float gamma;
 uniform float factor;
 uniform float lift;              // how far black, dimmed, lies below black, relative to the range

@@ -17,6 +17,7 @@ from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
 
 SIDE = 101  # of an eye's picture, odd, so that a pixel looks straight ahead [pixels]
 MIDDLE = SIDE // 2
+PARTS = (0, 0, SIDE, SIDE), (SIDE, 0, SIDE, SIDE)
 FRAME, SEED = 7, 2**32 - 2
 # A code is a luminance.
 LINEAR = Display("linear", 255.0, 0.0, 1.0, pixels_per_degree=20.0)
@@ -37,9 +38,12 @@ class Headset:
         fov: EyeFov = WIDE,
     ) -> None:
         """Turn the head, which stays where it is; the eyes are some metres apart before it turns."""
-        eyes = [EyePose(Pose((side * apart / 2, 0.0, 0.0), orientation), fov) for side in (-1, 1)]
+        eyes = [
+            EyePose(Pose((side * apart / 2, 0.0, 0.0), orientation), fov, part)
+            for side, part in zip((-1, 1), PARTS, strict=True)
+        ]
         head = Pose((0.0, 0.0, 0.0), orientation)
-        self.frame = HeadsetFrame(0.0, 1 / 90, (eyes[0], eyes[1]), head, True, True)
+        self.frame = HeadsetFrame(0.0, 1 / 90, tuple(eyes), head, True, True)
 
     def eyes(self) -> HeadsetFrame | None:
         return self.frame
@@ -93,4 +97,4 @@ def eye_images(
         size = rows.shape[1], rows.shape[0]
         return Image(context.texture(size, 3, rows.tobytes(), alignment=1, dtype=kind), levels)
 
-    return EyeImages(uploaded(left), uploaded(right))
+    return EyeImages([uploaded(left), uploaded(right)])

@@ -306,9 +306,12 @@ def test_controllers_answer(stored: Laboratory) -> None:
     assert all(0 < trial["response_time_s"] <= 0.25 + 0.125 + 2 / RATE for trial in trials)
 
 
-def test_in_a_search_the_trigger_finds_and_the_stick_points_to_the_gap(lab: Laboratory) -> None:
+@pytest.mark.parametrize("focus_size", [None, (64, 64)])
+def test_in_a_search_the_trigger_finds_and_the_stick_points_to_the_gap(lab: Laboratory, focus_size) -> None:
     """The room turns right by a step of 10 degrees for each push; up is 90 degrees."""
-    script = HeadsetScript(head=lambda _: gentle_motion(0.0), presses=EAGER, stick=lambda _: (0.1, 0.9))
+    script = HeadsetScript(
+        head=lambda _: gentle_motion(0.0), presses=EAGER, stick=lambda _: (0.1, 0.9), focus_size=focus_size
+    )
     assert lab.run("search", script=script).status is SessionStatus.COMPLETE
     assert all(trial["found"] and trial["reported_orientation_deg"] == 90 for trial in lab.rows())
     for log in lab.rows(FRAMES):

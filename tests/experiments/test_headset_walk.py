@@ -4,8 +4,10 @@ import csv
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import pairwise
+from itertools import count, pairwise
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -106,9 +108,19 @@ def test_a_flick_turns_at_once_about_the_head(walk_in) -> None:
     assert changed == [330.0, 0.0]
 
 
+def test_of_focus_views_the_wide_view_counts_with_its_own_pixels_per_degree(walk_in, tmp_path: Path) -> None:
+    """The right eye sees from 43 degrees inwards to 47 outwards; its focus view is of 27, and finer."""
+    script = HeadsetScript(focus_size=(40, 30))
+    walk = walk_in(script, 0.1, LiveOptions(0.02), out=tmp_path / "live", factor=0.8)
+    tangents = np.tan(np.radians([47.0, 43.0])).sum()
+    assert walk.display.pixels_per_degree == pytest.approx(EYE_SIZE[0] / tangents * np.pi / 180)
+    assert [eye.size for eye in walk._stereo.eyes] == [EYE_SIZE, EYE_SIZE, (40, 30), (40, 30)]
+    assert walk.pictures is walk._stereo.eyes[1]
+
+
 def frame_with(head: Pose) -> HeadsetFrame:
-    headset_eyes = SimulatedHeadset._eyes(None, head)  # type: ignore[arg-type] # of no headset
-    return HeadsetFrame(0.0, 1 / 90, headset_eyes, head, visible=True, tracked=True)
+    sizes: Any = SimpleNamespace(view_sizes=lambda: 2 * (EYE_SIZE,))  # no headset, which would draw
+    return HeadsetFrame(0.0, 1 / 90, SimulatedHeadset._eyes(sizes, head), head, visible=True, tracked=True)
 
 
 def restless(when: float) -> Pose:
@@ -129,6 +141,17 @@ RESTLESS = HeadsetScript(
 
 # What is more than 0.7 to the right: a sixth of the right eye's picture.
 SIDE = (0.7, -50.0), (0.7, 50.0), (50.0, 0.0)
+
+
+def test_what_the_lenses_hide_may_change_in_the_midst(walk_in, tmp_path: Path, monkeypatch) -> None:
+    facts, calls, states = SimulatedHeadset.facts, count(), (((), ()), ((), (SIDE,)))
+    monkeypatch.setattr(
+        SimulatedHeadset, "facts", lambda self: replace(facts(self), hidden=states[next(calls) > 20])
+    )
+    walk = walk_in(HeadsetScript(), 0.5, LiveOptions(0.02), out=tmp_path / "live", factor=0.8)
+    assert next(calls) > 50
+    assert walk.dimmer._light.seen_share == pytest.approx(walk.pictures.seen.mean())
+    assert walk.pictures.seen.mean() == pytest.approx(5 / 6, abs=0.05)
 
 
 @pytest.mark.parametrize(("simulate", "hidden"), [(True, ()), (False, ()), (True, (SIDE,))])

@@ -71,9 +71,14 @@ def test_the_luminance_of_a_picture_is_the_mean_of_all_its_pixels(size: tuple[in
 def test_both_meters_say_the_loss_at_the_factor_asked_for(patient: bool) -> None:
     def test(context: Any) -> None:
         codes = some_codes(72, 120)
+        codes[:, 60:] //= 8
         pictures = drawn(context, codes)
         light = PictureLuminance(context, pictures, HEADSET)
         expected = OneFactorLoss((72, 120), HEADSET).of(pictures.pixel_values(), 0.4).loss
+        seen = np.zeros((72, 120), dtype=bool)
+        seen[:, :60] = True
+        half = OneFactorLoss((72, 120), HEADSET)
+        half.count_only(seen)
         meters = (
             ProcessorMeter(pictures, HEADSET, 0.2, light, patient=patient),
             GpuMeter(context, pictures, GpuLoss(context, (72, 120), HEADSET), light, patient=patient),
@@ -82,14 +87,21 @@ def test_both_meters_say_the_loss_at_the_factor_asked_for(patient: bool) -> None
             assert meter.result() is None
             assert meter.begin(0.4)
             assert not meter.begin(0.4)
-            seen = meter.result()
-            assert seen is not None or not patient
-            while seen is None:
+            found = meter.result()
+            assert found is not None or not patient
+            while found is None:
                 context.finish()
-                seen = meter.result()
-            assert seen == pytest.approx(expected, abs=1e-3)
+                found = meter.result()
+            assert found == pytest.approx(expected, abs=1e-3)
             assert meter.mean_luminance() == light.mean()
             assert (meter.channel_means() == light.channel_means()).all()
+            pictures.seen = seen
+            meter.begin(0.4)
+            while (of_half := meter.result()) is None:
+                context.finish()
+            assert of_half == pytest.approx(half.of(pictures.pixel_values(), 0.4).loss, abs=1e-3)
+            assert abs(of_half - expected) > 0.005  # five times as much as the two kinds may differ
+            pictures.seen = None
             meter.close()
 
     in_context(test)

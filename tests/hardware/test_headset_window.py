@@ -39,6 +39,7 @@ FACTS = HeadsetFacts("monado", "a headset", (900, 800), (FOV, WIDE), 50.0, (), T
 
 class Framebuffer:
     viewport: Any = None
+    size = (1800, 800)
 
     def use(self) -> None:
         pass
@@ -61,8 +62,8 @@ class Headset(HeadsetWindow):
     def versions(self) -> dict[str, str]:
         return {"api": "1.1"}
 
-    def eye_size(self) -> tuple[int, int]:
-        return 900, 800
+    def view_sizes(self) -> tuple[tuple[int, int], ...]:
+        return (900, 800), (900, 800)
 
     def context(self) -> Any:
         raise AssertionError("nothing is drawn")
@@ -105,8 +106,8 @@ class Mirror:
     def __init__(self, done: list[str], *keys: str) -> None:
         self._done, self._keys = done, keys or ("f1",)
 
-    def take(self, framebuffer: Framebuffer, eye: Eye) -> None:
-        self._done.append(f"take {eye.value}")
+    def take(self, framebuffer: Framebuffer, part: tuple[int, int, int, int]) -> None:
+        self._done.append(f"take {part}")
 
     def show(self) -> None:
         self._done.append("show")
@@ -235,7 +236,8 @@ def test_the_mirror_shows_the_eye_that_counts_after_the_frame_is_handed_over() -
     window.framebuffer()
     window.flip()
     window.flip()  # of which nothing was drawn
-    assert window.done == ["begin", "take right", "end", "show", "begin", "end", "show", "begin"]
+    taken = f"take {(900, 0, 900, 800)}"
+    assert window.done == ["begin", taken, "end", "show", "begin", "end", "show", "begin"]
     keyboard, held = rigs.open_keyboard(window), rigs.open_held_keys(window)
     assert keyboard.pressed() == [KeyPress("f1", 1.0)]
     assert held.held() == {"w"}
@@ -245,11 +247,8 @@ def test_the_mirror_shows_the_eye_that_counts_after_the_frame_is_handed_over() -
 def test_without_a_mirror_no_keys_are_pressed() -> None:
     window = opened([0.04])
     keyboard = rigs.open_keyboard(window)
-    assert (keyboard.pressed(), keyboard.held(), keyboard.apparatus()) == (
-        [],
-        frozenset(),
-        {"keyboard": "none"},
-    )
+    assert (keyboard.pressed(), keyboard.held()) == ([], frozenset())
+    assert keyboard.apparatus() == {"keyboard": "none"}
 
 
 def test_both_eyes_are_drawn_side_by_side_and_read_back_with_the_upper_row_first() -> None:
@@ -281,15 +280,10 @@ def test_both_eyes_are_drawn_side_by_side_and_read_back_with_the_upper_row_first
         assert (window.read_codes((16, 20)) == (40, 0, 0)).all()
 
 
-def test_pages_have_a_panel_of_their_own_size() -> None:
+def test_pages_have_a_size_of_their_own_and_the_apparatus_tells_that_of_the_eyes() -> None:
     window = opened([0.04])
-    assert window.size() == PANEL_SIZE
-    assert window.eye_size() == (900, 800)
-    assert window.bits() == 8
-
-
-def test_the_apparatus_tells_runtime_eyes_and_pixels_per_degree() -> None:
-    said = opened([0.04]).apparatus()
+    assert (window.size(), window.bits()) == (PANEL_SIZE, 8)
+    said = window.apparatus()
     assert said["system"] == "a headset"
     assert said["eye_size"] == "900 x 800 pixels"
     assert said["eye_that_counts"] == "left"
@@ -308,6 +302,12 @@ def test_rig_and_display_take_what_the_headset_has() -> None:
     assert dataclasses.replace(shown, pixels_per_degree=40.0) == display
     right = rigs.with_headset(dataclasses.replace(full, eye=Eye.RIGHT), display, FACTS)[1]
     assert right.pixels_per_degree == pytest.approx(900 / 3 * math.pi / 180)
+    # The focus views are 300 pixels across; straight ahead lies in their middle, and aside of it.
+    focus = (EyeFov(-math.atan(0.25), math.atan(0.25), 0.2, -0.2), EyeFov(-0.1, math.atan(0.5), 0.2, -0.2))
+    four = dataclasses.replace(FACTS, fovs=(*FACTS.fovs, *focus), focus_size=(300, 280))
+    for eye, tangents in ((Eye.LEFT, 0.5), (Eye.RIGHT, 0.5 + math.tan(0.1))):
+        display = rigs.with_headset(dataclasses.replace(full, eye=eye), display, four)[1]
+        assert display.pixels_per_degree == pytest.approx(300 / tangents * math.pi / 180)
     small = rigs.with_headset(RIG, display, FACTS)[1]  # 64 pixels wide, as the rig says
     assert small.pixels_per_degree == pytest.approx(64 / 2 * math.pi / 180)
 

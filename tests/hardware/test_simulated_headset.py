@@ -45,12 +45,6 @@ def test_a_frame_appears_two_refreshes_after_it_began_and_the_clock_goes_with_th
     np.testing.assert_allclose([shown - begun for begun, shown in times], 0.04)
 
 
-def test_refreshes_that_are_dropped_pass_before_the_frame() -> None:
-    with headset(dropped={2: 3}) as link:
-        shown = [frame.display_time for frame in frames(link, 4)]
-    np.testing.assert_allclose(np.diff(shown), [0.02, 0.08, 0.02])
-
-
 def test_in_real_time_no_frame_begins_before_its_refresh() -> None:
     with SimulatedHeadset(SIZE, 50.0, real_time=True) as link:
         for _ in range(4):
@@ -87,19 +81,6 @@ def test_the_eyes_pictures_are_each_others_mirror_image(plain) -> None:
     assert centre_pixels_per_degree(left, 32) == pytest.approx(0.27857, abs=1e-5)
 
 
-def test_the_head_is_where_the_script_says_when_the_frame_appears() -> None:
-    with headset(head=lambda when: Pose((when, 0.0, 0.0))) as link:
-        poses = [(frame.head.position[0], frame.display_time) for frame in frames(link, 3)]
-    assert all(position == time for position, time in poses)
-
-
-def test_a_head_that_is_not_tracked_stands_where_it_was_last_seen() -> None:
-    with headset(head=lambda when: Pose((when, 0.0, 0.0)), untracked=[(0.05, 0.09)]) as link:
-        came = frames(link, 5)  # that appear at 0.04, 0.06, 0.08, 0.10 s
-    assert [frame.tracked for frame in came] == [True, False, False, True, True]
-    assert [frame.head.position[0] for frame in came[1:3]] == [0.05, 0.05]
-
-
 def test_a_gentle_head_looks_straight_ahead_at_first_and_is_the_same_each_time() -> None:
     with headset() as one, headset() as other:
         assert [frame.head for frame in frames(one, 5)] == [frame.head for frame in frames(other, 5)]
@@ -118,11 +99,6 @@ def test_presses_come_once_each_when_they_are_due_and_not_while_it_is_taken_off(
     assert [names for _, names, _ in came] == [[], ["trigger"], [], [], ["stick_left"], []]
     assert [focused for focused, _, _ in came] == [True, True, False, True, True, True]
     np.testing.assert_allclose([stick for _, _, stick in came], [0.0, 0.02, 0.0, 0.06, 0.08, 0.1])
-
-
-def test_frames_may_be_invisible_for_a_while() -> None:
-    with headset(invisible=[(0.05, 0.07)]) as link:
-        assert [frame.visible for frame in frames(link, 3)] == [True, False, True]
 
 
 def test_a_runtime_that_goes_away_is_one_line() -> None:

@@ -85,7 +85,7 @@ def shown(link: OpenXRHeadset, codes: NDArray[np.uint8] | None = None) -> Headse
         picture = link.context().texture((width, height), 4, codes[::-1].tobytes())
         source = link.context().framebuffer([picture])
         link.context().copy_framebuffer(framebuffer, source)
-        link.mirror.take(framebuffer, Eye.RIGHT)
+        link.mirror.take(framebuffer, (WIDTH, 0, WIDTH, HEIGHT))
     link.end_frame()
     link.mirror.show()
     return frame
@@ -95,7 +95,7 @@ def test_it_says_what_the_runtime_says(link: OpenXRHeadset) -> None:
     facts = link.facts()
     assert "Monado" in facts.runtime
     assert "Simulated" in facts.system
-    assert facts.eye_size == link.eye_size() == (WIDTH, HEIGHT)
+    assert link.view_sizes() == 2 * (facts.eye_size,) == 2 * ((WIDTH, HEIGHT),)
     assert facts.eye_distance == pytest.approx(0.063, abs=1e-4)
     for fov in facts.fovs:
         edges = [math.degrees(edge) for edge in (fov.left, fov.right, fov.down, fov.up)]

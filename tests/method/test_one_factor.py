@@ -106,6 +106,20 @@ def test_strips_err_no_more_than_strips_drawn_by_lot(
     assert np.abs(np.array(turns) - parts.mean()).max() <= 2.5 * by_lot
 
 
+def test_of_some_pixels_the_share_is_theirs() -> None:
+    """Whole columns of every band fall to one part or the other; a uniform part has nothing visible in it."""
+    pixels, left = picture(96, 128), np.arange(128) < 64
+    pixels[:, ~left] = 0.5
+    emitted = emitted_luminance(pixels, DISPLAY).astype(np.float32)
+    loss = OneFactorLoss((96, 128), DISPLAY, replace(DEFAULT_MODEL, band_count=4))
+    whole, parts = loss.visible_contrast(emitted, 0.3), []
+    for counted in (left, ~left):
+        loss.count_only(np.repeat(counted[None], 96, axis=0))
+        parts.append(loss.visible_contrast(emitted, 0.3))
+    np.testing.assert_allclose(np.mean(parts, axis=0), whole, rtol=1e-9)
+    assert parts[0][1] > 2 * parts[1][1] > 0  # where they meet
+
+
 def test_small_pictures_are_counted_whole() -> None:
     pixels = picture(360, 480)
     whole, strips = (OneFactorLoss((360, 480), DISPLAY, one_strip_in=n).of(pixels, 0.3) for n in (1, 4))

@@ -103,6 +103,16 @@ def test_the_graphics_card_makes_the_same_codes_of_planes(uploads, pixel_format,
         np.testing.assert_array_equal(made, pixels.rgb)
 
 
+def test_pictures_that_follow_each_other_are_each_their_own(uploads):
+    """Two buffers take turns: the third picture goes where the first was."""
+    first = PixelReader().pixels(textured("yuv444p"))
+    for shade in (0, 40, 80, 0):
+        picture = replace(first, planes=tuple(plane // 2 + shade for plane in first.planes))
+        texture = uploads.upload(picture, 256).texture
+        made = np.frombuffer(texture.read(alignment=1), np.uint8).reshape(*picture.planes[0].shape, 4)
+        np.testing.assert_array_equal(light().luminance(made[..., :3]), light().luminance(picture))
+
+
 @pytest.mark.parametrize(("colour_range", "matrix"), [(LIMITED, 1), (FULL, 6)])
 def test_light_of_planes_is_that_of_h273_within_the_rounding_to_codes(colour_range, matrix):
     """Section 8.3 in float64, with chroma amid the pixels and linear in between, on a linear display."""

@@ -145,8 +145,8 @@ def test_smaller_images_lie_in_the_middle_of_the_eyes_and_may_come_from_below(he
 
     def turned(_: EyeImageRenderer) -> DimmedImage:
         pair = eye_images(context, *(np.ascontiguousarray(frame[::-1]) for frame in frames), 256)
-        images = (Image(image.texture, 256, from_below=True) for image in (pair.left, pair.right))
-        return DimmedImage(EyeImages(*images), 1.0, ground=100.0)
+        images = [Image(image.texture, 256, from_below=True) for image in pair.views]
+        return DimmedImage(EyeImages(images), 1.0, ground=100.0)
 
     codes = drawn_image(headset, turned, LAB, Dither.NONE)
     wanted = np.full((SIDE, 2 * SIDE, 3), 255)

@@ -90,12 +90,12 @@ def pictures(stereo, views):
 def drawn_with(samples, context, scene, views):
     with pytest.MonkeyPatch.context() as patched:
         patched.setattr(stereo_scenes, "EYES", samples)
-        return pictures(StereoRenderer(context, scene, SIZE, None), views)
+        return pictures(StereoRenderer(context, scene, (SIZE, SIZE), None), views)
 
 
 @pytest.mark.parametrize("distance", [1.0, 3.0])
 def test_a_lamp_is_shifted_by_half_the_eye_distance_over_its_distance(context, distance):
-    stereo = StereoRenderer(context, lamps((0.0, 0.0, distance)), SIZE, None)
+    stereo = StereoRenderer(context, lamps((0.0, 0.0, distance)), (SIZE, SIZE), None)
     left, right = pictures(stereo, eye_views(frame_of(), HERE, 0.0))
     shift = 0.0315 / distance / SPAN * 320
     assert centre_of_mass(left)[0] == pytest.approx(math.tan(0.9) / SPAN * 320 + shift, abs=0.5)
@@ -111,7 +111,7 @@ def test_a_lamp_is_shifted_by_half_the_eye_distance_over_its_distance(context, d
 def test_the_lamp_one_turns_to_is_straight_ahead(context, azimuth):
     """30 degrees to the left, 20 up; and with the head on the left shoulder the level to the right drops."""
     scene = lamps((azimuth - 30, 0.0, 3.0), (azimuth, 20.0, 3.0), (azimuth + 20, 0.0, 3.0))
-    stereo = StereoRenderer(context, scene, SIZE, None)
+    stereo = StereoRenderer(context, scene, (SIZE, SIZE), None)
     aside = math.tan(math.radians(20)) * np.array([math.cos(math.radians(15)), math.sin(math.radians(15))])
     expected = {"30 to the left": (0, 0), "20 up": (0, 0), "15 to the left shoulder": aside}
     for pose, (right, down) in expected.items():
@@ -124,7 +124,7 @@ def test_the_lamp_one_turns_to_is_straight_ahead(context, azimuth):
 
 
 def test_eyes_at_one_place_see_the_same(context):
-    stereo = StereoRenderer(context, room_behind_leaves(), SIZE, None)
+    stereo = StereoRenderer(context, room_behind_leaves(), (SIZE, SIZE), None)
     views = eye_views(frame_of(POSES["20 up"], eye_distance=0.0, fovs=FOVS[:1] * 2), HERE, 10.0)
     left, right = pictures(stereo, views)
     assert np.ptp(left) > 10
@@ -135,7 +135,7 @@ def test_all_of_a_scene_is_what_is_chosen_of_it(context):
     """Drawn whole, or without what is hidden: the same but for single pixels where walls meet."""
     scene = room_behind_leaves()
     stereo, chosen = (
-        StereoRenderer(context, scene, SIZE, None),
+        StereoRenderer(context, scene, (SIZE, SIZE), None),
         SceneRenderer(context, scene, SIZE, None, EYES),
     )
     views = eye_views(frame_of(Rotation.from_euler("yxz", [5, -8, 12], degrees=True)), HERE, 0.0)
@@ -157,7 +157,7 @@ def test_the_sky_turns_with_the_head_and_has_no_symmetry(context):
     model.sun(20.0, 25.0, 1000.0)
     model.sky((5.0, 10.0, 30.0), (30.0, 28.0, 20.0))
     scene = model.build()
-    stereo = StereoRenderer(context, scene, SIZE, None)
+    stereo = StereoRenderer(context, scene, (SIZE, SIZE), None)
     frame = frame_of(Rotation.from_euler("yxz", [-20, 15, 25], degrees=True))
     drawn = pictures(stereo, eye_views(frame, HERE, 0.0))
     level = SceneRenderer(context, scene, (41, 41), None, EYES)
@@ -218,7 +218,7 @@ def test_a_large_eye_is_drawn_whole():
 
 def test_a_frame_uploads_nothing_reads_nothing_back_and_draws_five_times_for_each_eye(context, monkeypatch):
     """What is solid, the sky, what has holes, the mean of the samples, the codes."""
-    stereo = StereoRenderer(context, room_behind_leaves(), SIZE, None)
+    stereo = StereoRenderer(context, room_behind_leaves(), (SIZE, SIZE), None)
     counts: dict[str, int] = {}
 
     def counted(kind, name):

@@ -53,7 +53,7 @@ def scene():
 
 @pytest.fixture(scope="module")
 def rings(context, scene):
-    return StereoRings(context, StereoRenderer(context, scene, SIZE, None), scene, HEADSET)
+    return StereoRings(context, StereoRenderer(context, scene, (SIZE, SIZE), None), scene, HEADSET)
 
 
 def ring_of(orientation=0, azimuth=8.0, altitude=5.0):

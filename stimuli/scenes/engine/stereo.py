@@ -1,4 +1,4 @@
-"""Draws a scene for both eyes of a headset, frame by frame, from what was given to the graphics card once.
+"""Draws a scene for the views of a headset, frame by frame, from what was given to the graphics card once.
 
 All of the scene is drawn, whatever hides it: to find out would mean to wait for a picture of the depth, and
 to write anew what is drawn, for each eye of each frame. An eye's picture is drawn at once, not in tiles, with
@@ -7,6 +7,7 @@ several samples of each pixel by the graphics card.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,7 +55,7 @@ class WholeScene(GraphicsScene):
 
 
 class StereoRenderer:
-    """Draws one scene into a picture for each eye; nothing is uploaded or read back for a frame.
+    """Draws one scene into a picture for each view; nothing is uploaded or read back for a frame.
 
     Parameters
     ----------
@@ -62,35 +63,34 @@ class StereoRenderer:
         Of a headset's link.
     scene : Scene
         What is drawn.
-    eye_size : (int, int)
-        Width and height of each eye's picture [pixels].
+    sizes : sequence of (int, int)
+        Width and height of each view's picture [pixels].
     quality : Quality or None
         Of its light.
 
     Attributes
     ----------
-    eyes : (SceneRenderer, SceneRenderer)
-        Left and right, with their pictures; both draw from the same upload of the scene.
+    eyes : list of SceneRenderer
+        Of each view, with its picture, left and right first; all draw from the same upload of the scene.
     """
 
     def __init__(
         self,
         context: moderngl.Context,
         scene: Scene,
-        eye_size: tuple[int, int],
+        sizes: Sequence[tuple[int, int]],
         quality: Quality | None = Quality.FINE,
     ) -> None:
         samples = EYES.possible(context.max_samples).samples
         whole = WholeScene(context, scene, quality, samples)
-        left, right = (SceneRenderer(context, whole, eye_size, antialiasing=EYES) for _ in "LR")
-        self.eyes = left, right
+        self.eyes = [SceneRenderer(context, whole, size, antialiasing=EYES) for size in sizes]
 
-    def render(self, views: tuple[View, View]) -> None:
-        """Draw the linear RGB luminance that the left and the right eye see [cd/m^2]."""
+    def render(self, views: Sequence[View]) -> None:
+        """Draw the linear RGB luminance that is seen in each view [cd/m^2]."""
         for eye, view in zip(self.eyes, views, strict=True):
             eye.render(view)
 
     def encode(self) -> None:
-        """Draw the codes of both pictures, 0 to 1023, into `codes` of each."""
+        """Draw the codes of all pictures, 0 to 1023, into `codes` of each."""
         for eye in self.eyes:
             eye.encode()
