@@ -8,7 +8,6 @@ from itertools import pairwise
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.hardware.presentation.headset_views import HeadsetFacts
 from evenlight.hardware.presentation.headset_window import ShownFrame
 from evenlight.hardware.rig_windows import open_headset
 
@@ -42,24 +41,20 @@ def measure_headset(rig: Rig, frames: int) -> list[str]:
             window.flip()
         shown, facts = window.shown_frames(), window.facts()
         said = [f"{name.replace('_', ' '):<25} {value}" for name, value in window.apparatus().items()]
-        return [*said, _tracked(facts, shown), "", *_rig_lines(rig, facts), "", _timed(shown)]
-
-
-def _tracked(facts: HeadsetFacts, shown: Sequence[ShownFrame]) -> str:
     tracks = "orientation and position" if facts.tracks_position else "orientation"
     known = sum(frame.tracked for frame in shown)
-    return f"{'tracks':<25} {tracks}; known in {known} of {len(shown)} frames"
-
-
-def _rig_lines(rig: Rig, facts: HeadsetFacts) -> list[str]:
-    width, height = facts.eye_size
     rates = ", ".join(f"{rate:g}" for rate in facts.refresh_rates) or "unknown"
     return [
+        *said,
+        f"{'tracks':<25} {tracks}; known in {known} of {len(shown)} frames",
+        "",
         "For a rig's file:",
         f'screen = "{rig.screen}"',
         f'eye = "{rig.eye.value}"  # the one whose luminance counts',
-        f"full_screen = true  # each eye has the recommended {width} x {height} pixels",
+        "full_screen = true  # each eye has the recommended {} x {} pixels".format(*facts.eye_size),
         f"refresh_rate_hz = {facts.refresh_rate:.2f}  # can be chosen: {rates}",
+        "",
+        _timed(shown),
     ]
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import TYPE_CHECKING, TypeGuard
+from typing import TYPE_CHECKING
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import SLOWEST_DISPLAY, Eye, Rig
@@ -13,7 +13,7 @@ from evenlight.hardware.simulated.clocks import RefreshClock
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
     from evenlight.hardware.presentation.headset_views import HeadsetFacts
-    from evenlight.hardware.presentation.headset_window import HeadsetWindow
+    from evenlight.hardware.presentation.headset_window import HeadsetWindow, OperatorKeys
 
 SIMULATED_HEADSET = "simulated:openxr"
 FASTEST_DISPLAY = 500.0  # [Hz] flips that come faster wait for nothing
@@ -151,10 +151,8 @@ def open_window_of_any_rate(rig: Rig) -> tuple[Window, Rig]:
 
 def open_keyboard(window: Window) -> ResponseDevice:
     """Return the computer's keyboard over a window of `open_window`; of a headset, over its mirror."""
-    if _in_headset(window):
-        from evenlight.hardware.presentation.headset_window import OperatorKeys
-
-        return OperatorKeys(window)
+    if (keys := _operator_keys(window)) is not None:
+        return keys
     from evenlight.hardware.presentation.psychopy_window import PsychoPyKeyboard
 
     return PsychoPyKeyboard()
@@ -169,19 +167,17 @@ def open_pointer(window: Window) -> Pointer | None:
 
 def open_held_keys(window: Window) -> HeldKeys | None:
     """Return which keys are down over a window of `open_window`; None for any other window."""
-    if _in_headset(window):
-        from evenlight.hardware.presentation.headset_window import OperatorKeys
-
-        return OperatorKeys(window)
+    if (keys := _operator_keys(window)) is not None:
+        return keys
     from evenlight.hardware.presentation.psychopy_window import PsychoPyHeldKeys, PsychoPyWindow
 
     return PsychoPyHeldKeys(window) if isinstance(window, PsychoPyWindow) else None
 
 
-def _in_headset(window: Window) -> TypeGuard[HeadsetWindow]:
-    from evenlight.hardware.presentation.headset_window import HeadsetWindow
+def _operator_keys(window: Window) -> OperatorKeys | None:
+    from evenlight.hardware.presentation.headset_window import HeadsetWindow, OperatorKeys
 
-    return isinstance(window, HeadsetWindow)
+    return OperatorKeys(window) if isinstance(window, HeadsetWindow) else None
 
 
 def require_refresh_rate(rig: Rig, measured: float) -> None:

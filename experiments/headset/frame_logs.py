@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 from evenlight.data_schema.recordings.headset import HeadsetLog
 from evenlight.experiments.sessions.task import TrialPlace
@@ -32,10 +33,16 @@ def headset_logs(
 def _log(
     place: TrialPlace, interval: int, frames: Sequence[ShownFrame], since: Callable[[float], float]
 ) -> HeadsetLog:
-    right, up, back = _columns([frame.head.position for frame in frames], 3)
-    x, y, z, w = _columns([frame.head.orientation for frame in frames], 4)
     known = any(frame.gaze for frame in frames)
-    gaze = _columns([frame.gaze or (0.0, 0.0, 0.0) for frame in frames if known], 3)
+    columns: dict[str, Any] = {
+        **_columns("head_right head_up head_back", [frame.head.position for frame in frames]),
+        **_columns(
+            "orientation_x orientation_y orientation_z orientation_real",
+            [frame.head.orientation for frame in frames],
+        ),
+        **_columns("gaze_right gaze_up gaze_back", [each.gaze or (0, 0, 0) for each in frames if known]),
+        **{name: tuple(getattr(each, name) for each in frames) for name in ("visible", "focused", "tracked")},
+    }
     return HeadsetLog(
         trial_index=place.trial_index,
         attempt=place.attempt,
@@ -43,22 +50,10 @@ def _log(
         display_times=tuple(round(since(frame.display_time), TIME_DECIMALS) for frame in frames),
         periods=tuple(round(frame.period, TIME_DECIMALS) for frame in frames),
         late_frames=tuple(frame.late for frame in frames),
-        head_right=right,
-        head_up=up,
-        head_back=back,
-        orientation_x=x,
-        orientation_y=y,
-        orientation_z=z,
-        orientation_real=w,
-        visible=tuple(frame.visible for frame in frames),
-        focused=tuple(frame.focused for frame in frames),
-        tracked=tuple(frame.tracked for frame in frames),
-        gaze_right=gaze[0],
-        gaze_up=gaze[1],
-        gaze_back=gaze[2],
+        **columns,
     )
 
 
-def _columns(rows: Sequence[Sequence[float]], count: int) -> list[tuple[float, ...]]:
-    """Return the columns of some rows, of `count` numbers each."""
-    return [tuple(round(float(row[k]), POSE_DECIMALS) for row in rows) for k in range(count)]
+def _columns(names: str, rows: Sequence[Sequence[float]]) -> dict[str, tuple[float, ...]]:
+    columns = enumerate(names.split())
+    return {name: tuple(round(float(row[k]), POSE_DECIMALS) for row in rows) for k, name in columns}

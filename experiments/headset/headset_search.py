@@ -50,18 +50,14 @@ class HeadsetSearchPlayer(SearchPlayer):
 
     def prepare(self, name: str) -> None:
         """Make a scene ready, where it is not yet: its light is computed, or read from the cache."""
-        self._in_stereo(name)
-
-    def _looked_at(self, view: SearchView) -> LookedAt:
-        return SceneInHeadset(self._in_stereo(view.scene), view, self._headset)
-
-    def _in_stereo(self, name: str) -> StereoRings:
-        """Return what draws a scene; each is made ready once, which takes its time."""
         if name not in self._rings:
             context, scene = self._headset.context(), scene_named(name)
             pictures = StereoRenderer(context, scene, self._headset.view_sizes())
             self._rings[name] = StereoRings(context, pictures, scene, self._on.display)
-        return self._rings[name]
+
+    def _looked_at(self, view: SearchView) -> LookedAt:
+        self.prepare(view.scene)
+        return SceneInHeadset(self._rings[view.scene], view, self._headset)
 
 
 class SceneInHeadset:

@@ -41,6 +41,7 @@ from evenlight.experiments.stage import (
     ShownInterval,
     SkipPressed,
 )
+from evenlight.hardware.presentation.headset_views import HeadsetFrame
 from evenlight.hardware.presentation.headset_window import PANEL_SIZE, HeadsetWindow, ShownFrame
 from evenlight.hardware.presentation.mirror_window import STRIP_SIZE
 from evenlight.hardware.protocols import KeyPress, ResponseDevice, TriggerOutput
@@ -169,7 +170,7 @@ class HeadsetStage(WindowStage):
         frames = self._headset.shown_frames()[-len(shown.flip_times) :]
         self._ahead = shown.onset - frames[0].display_time
         self._keep(frames)
-        unseen = (why_unseen(one.focused, one.visible, one.tracked, one.recentred) for one in frames)
+        unseen = (why_unseen(frame, frame.focused) for frame in frames)
         if self._begun and (why := next(filter(None, unseen), "")):
             raise PausePressed(why)
         return shown
@@ -234,8 +235,7 @@ class HeadsetStage(WindowStage):
 
     def _why_unseen(self) -> str:
         """Return why the next frame will not be seen, or not from where it is drawn; empty if it will."""
-        frame = self._headset.eyes()
-        return why_unseen(self._headset.focused(), frame.visible, frame.tracked, frame.recentred)
+        return why_unseen(self._headset.eyes(), self._headset.focused())
 
     def _caption(self, kind: str) -> None:
         """Write for the operator what is shown; between stimuli, for a text takes longer than a frame."""
@@ -247,16 +247,10 @@ class HeadsetStage(WindowStage):
             self._strip = text
 
 
-def why_unseen(focused: bool, visible: bool, tracked: bool, recentred: bool = False) -> str:
-    """Return why a frame is not seen, or not from where it is drawn; empty if it is.
-
-    >>> why_unseen(True, True, False)
-    'where the head is was not known'
-    """
-    if not focused:
-        return NOT_WORN
-    if not visible:
-        return NOT_SHOWN
-    if not tracked:
+def why_unseen(frame: HeadsetFrame | ShownFrame, focused: bool) -> str:
+    """Return why a frame is not seen, or not from where it is drawn; empty if it is."""
+    if not (focused and frame.visible):
+        return NOT_SHOWN if focused else NOT_WORN
+    if not frame.tracked:
         return NOT_TRACKED
-    return RECENTRED if recentred else ""
+    return RECENTRED if frame.recentred else ""

@@ -92,7 +92,7 @@ class HeadsetFacts:
     eye_distance: float  # between the eyes' positions [m]
     # What the lenses never show of each eye's picture, left and right, as tangents from straight ahead to the
     # right and up; empty where the runtime does not say.
-    hidden: tuple[tuple[Triangle, ...], tuple[Triangle, ...]] = ((), ())
+    hidden: tuple[tuple[Triangle, ...], ...] = ((), ())
     focus_size: Size | None = None  # recommended for each focus view, if there are any [pixels]
 
     def sharpest(self, right: bool) -> tuple[EyeFov, Size]:

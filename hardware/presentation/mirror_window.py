@@ -25,10 +25,7 @@ if TYPE_CHECKING:
 WIDTH, HIGHEST = 960, 720  # of the picture: with strip and title the window fits a laptop [pixels]
 STRIP_SIZE = (WIDTH, 96)  # width and height of the text under the picture [pixels]
 LONGEST_INTERVAL = 1 / 30  # between two pictures: the operator needs no more of them [s]
-VERSIONS = (
-    (4, 5),
-    (3, 3),
-)  # of OpenGL, the first that there is; loss is counted on the graphics card from 4.3
+VERSIONS = (4, 5), (3, 3)  # of OpenGL, the first there is; the graphics card counts loss from 4.3
 READ, DRAW, COLOUR, LINEAR = 0x8CA8, 0x8CA9, 0x4000, 0x2601  # of OpenGL
 GROUND, TEXT = 0.1, 0.9  # pixel values
 # Keys that print nothing, by their names in glfw and in rigs.

@@ -100,25 +100,28 @@ class Controllers:
             instance, xr.ActionSetCreateInfo("evenlight", localized_action_set_name="Evenlight")
         )
         kinds = xr.ActionType
-        self._buttons = {
-            "trigger": self._action("trigger", "Answer", kinds.FLOAT_INPUT),
-            "menu": self._action("menu", "Pause", kinds.FLOAT_INPUT),
-        }
-        self._stick = self._action("stick", "Choose and move", kinds.VECTOR2F_INPUT)
-        self._edges, self._menu = {name: Edges() for name in ("trigger", "stick")}, MenuButton()
+        self._actions = (
+            self._action("trigger", "Answer", kinds.FLOAT_INPUT),
+            self._action("menu", "Pause", kinds.FLOAT_INPUT),
+            self._action("stick", "Choose and move", kinds.VECTOR2F_INPUT),
+        )
+        self._edges, self._menu = (Edges(), Edges()), MenuButton()  # of trigger and stick
         self._pressed: list[KeyPress] = []
         self._pushed = (0.0, 0.0)
-        for profile in PROFILES:
+        for profile, (trigger, menus, stick) in PROFILES.items():
             if profile != VARJO or runtime.offers(VARJO_CONTROLLER):
-                self._suggest(profile)
+                bindings = [
+                    (action, f"/user/hand/{hand}/input/{part}")
+                    for hand, menu in zip(HANDS, menus, strict=True)
+                    for action, part in zip(self._actions, (trigger, menu, stick), strict=True)
+                    if part
+                ]
+                self._bind(profile, bindings)
         self.gaze: Any = None  # the space that is where the eyes look
         if runtime.offers(GAZE):
             look = self._action("gaze", "Where the eyes look", kinds.POSE_INPUT)
             self._bind("ext/eye_gaze_interaction", [(look, "/user/eyes_ext/input/gaze_ext/pose")])
-            here = xr.Posef(xr.Quaternionf(0.0, 0.0, 0.0, 1.0))
-            self.gaze = xr.create_action_space(
-                session, xr.ActionSpaceCreateInfo(action=look, pose_in_action_space=here)
-            )
+            self.gaze = xr.create_action_space(session, xr.ActionSpaceCreateInfo(action=look))
         xr.attach_session_action_sets(session, xr.SessionActionSetsAttachInfo(action_sets=[self._set]))
 
     def sync(self, now: float) -> None:
@@ -131,20 +134,16 @@ class Controllers:
         except xr.exception.SessionNotFocused:
             self._pushed, self._menu = (0.0, 0.0), MenuButton()
             return
-        trigger, menu = (
-            xr.get_action_state_float(self._session, xr.ActionStateGetInfo(action))
-            for action in self._buttons.values()
-        )
-        pulled = trigger.current_state if trigger.is_active else 0.0
-        self._note("trigger", "trigger", pulled, trigger.last_change_time)
+        asked = [xr.ActionStateGetInfo(action) for action in self._actions]
+        trigger, menu = (xr.get_action_state_float(self._session, info) for info in asked[:2])
+        self._note(0, "trigger", trigger.current_state if trigger.is_active else 0.0, trigger)
         if not menu.is_active:
             self._menu = MenuButton()
         elif said := self._menu.said(menu.current_state, now):
             self._pressed.append(KeyPress(said, menu.last_change_time * NANOSECOND))
-        state = xr.get_action_state_vector2f(self._session, xr.ActionStateGetInfo(self._stick))
-        at = state.current_state
-        self._pushed = (at.x, at.y) if state.is_active else (0.0, 0.0)
-        self._note("stick", direction(self._pushed), max(map(abs, self._pushed)), state.last_change_time)
+        stick = xr.get_action_state_vector2f(self._session, asked[2])
+        self._pushed = (stick.current_state.x, stick.current_state.y) if stick.is_active else (0.0, 0.0)
+        self._note(1, direction(self._pushed), max(map(abs, self._pushed)), stick)
 
     def presses(self) -> list[KeyPress]:
         """Return what was pressed since the last call, in order."""
@@ -157,7 +156,13 @@ class Controllers:
 
     def names(self) -> Sequence[str]:
         """Return what the runtime calls the controllers of both hands; "none" where there is none."""
-        return [self._profile(hand).rpartition("interaction_profiles/")[2] or "none" for hand in HANDS]
+        xr, said = self._xr, list[str]()
+        for hand in HANDS:
+            path = xr.string_to_path(self._instance, f"/user/hand/{hand}")
+            found = xr.get_current_interaction_profile(self._session, path).interaction_profile
+            name = xr.path_to_string(self._instance, found) if found else ""
+            said.append(name.rpartition("interaction_profiles/")[2] or "none")
+        return said
 
     def _action(self, name: str, words: str, kind: Any) -> Any:
         return self._xr.create_action(
@@ -165,15 +170,8 @@ class Controllers:
             self._xr.ActionCreateInfo(action_name=name, action_type=kind, localized_action_name=words),
         )
 
-    def _suggest(self, profile: str) -> None:
-        """Say which parts of a kind of controller act; runtimes that do not know it skip it."""
-        bindings, (trigger, menus, stick) = list[tuple[Any, str]](), PROFILES[profile]
-        for hand, menu in zip(HANDS, menus, strict=True):
-            parts = ((self._buttons["trigger"], trigger), (self._buttons["menu"], menu), (self._stick, stick))
-            bindings += [(action, f"/user/hand/{hand}/input/{part}") for action, part in parts if part]
-        self._bind(profile, bindings)
-
     def _bind(self, profile: str, bindings: Sequence[tuple[Any, str]]) -> None:
+        """Say which parts of a kind of controller act; runtimes that do not know it skip it."""
         xr, instance = self._xr, self._instance
         suggested = xr.InteractionProfileSuggestedBinding(
             interaction_profile=xr.string_to_path(instance, f"/interaction_profiles/{profile}"),
@@ -185,12 +183,6 @@ class Controllers:
         with suppress(xr.exception.PathUnsupportedError):
             xr.suggest_interaction_profile_bindings(instance, suggested)
 
-    def _note(self, edge: str, name: str, far: float, changed: int) -> None:
+    def _note(self, edge: int, name: str, far: float, state: Any) -> None:
         if self._edges[edge].pressed(far):
-            self._pressed.append(KeyPress(name, changed * NANOSECOND))
-
-    def _profile(self, hand: str) -> str:
-        xr = self._xr
-        path = xr.string_to_path(self._instance, f"/user/hand/{hand}")
-        found = xr.get_current_interaction_profile(self._session, path).interaction_profile
-        return xr.path_to_string(self._instance, found) if found else ""
+            self._pressed.append(KeyPress(name, state.last_change_time * NANOSECOND))

@@ -138,10 +138,22 @@ class Swapchain:
     def __init__(
         self, runtime: OpenXRRuntime, session: Any, context: moderngl.Context, size: tuple[int, int]
     ) -> None:
-        self._runtime, self._xr, xr = runtime, runtime.xr, runtime.xr
+        self._xr = xr = runtime.xr
         self.size, self._index = size, -1
-        self._require_format(xr.enumerate_swapchain_formats(session))
-        self._require_size(runtime.system.graphics_properties)
+        limits = runtime.system.graphics_properties
+        most = limits.max_swapchain_image_width, limits.max_swapchain_image_height
+        if SRGB8_ALPHA8 not in map(int, xr.enumerate_swapchain_formats(session)):  # it would encode once more
+            raise InstrumentError(
+                f"the OpenXR runtime {runtime.name} does not take pictures of the format SRGB8_ALPHA8: "
+                "choose another runtime",
+                Fault.REFUSED,
+            )
+        if size[0] > most[0] or size[1] > most[1]:
+            raise InstrumentError(
+                f"the views together have {size[0]} x {size[1]} pixels, and the runtime takes {most[0]} x "
+                f"{most[1]}: give the rig full_screen = false and a smaller window_size",
+                Fault.REFUSED,
+            )
         usage = xr.SwapchainUsageFlags
         self.handle = xr.create_swapchain(
             session,
@@ -174,21 +186,3 @@ class Swapchain:
         """Return where a view is, as the runtime takes it: with OpenGL from the lower left corner."""
         rectangle = self._xr.Rect2Di(self._xr.Offset2Di(*part[:2]), self._xr.Extent2Di(*part[2:]))
         return self._xr.SwapchainSubImage(swapchain=self.handle, image_rect=rectangle)
-
-    def _require_format(self, offered: Any) -> None:
-        """Refuse a runtime without sRGB pictures of 8 bits: it would encode our codes once more."""
-        if SRGB8_ALPHA8 not in map(int, offered):
-            raise InstrumentError(
-                f"the OpenXR runtime {self._runtime.name} does not take pictures of the format SRGB8_ALPHA8: "
-                "choose another runtime",
-                Fault.REFUSED,
-            )
-
-    def _require_size(self, limits: Any) -> None:
-        most = (limits.max_swapchain_image_width, limits.max_swapchain_image_height)
-        if self.size[0] > most[0] or self.size[1] > most[1]:
-            raise InstrumentError(
-                f"the views together have {self.size[0]} x {self.size[1]} pixels, and the runtime "
-                f"takes {most[0]} x {most[1]}: give the rig full_screen = false and a smaller window_size",
-                Fault.REFUSED,
-            )

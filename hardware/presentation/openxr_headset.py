@@ -93,8 +93,10 @@ class OpenXRHeadset(HeadsetWindow):
                 self._xr.afterwards = self.mirror.make_current
                 self._session = self._new_session()
                 opened.callback(self._end_session)
-                self._space = self._reference_space(self._xr.ReferenceSpaceType.LOCAL)
-                self._head_space = self._reference_space(self._xr.ReferenceSpaceType.VIEW)
+                self._space, self._head_space = (
+                    self._xr.create_reference_space(self._session, self._xr.ReferenceSpaceCreateInfo(kind))
+                    for kind in (self._xr.ReferenceSpaceType.LOCAL, self._xr.ReferenceSpaceType.VIEW)
+                )
                 whole = sum(width for width, _ in self._sizes), max(height for _, height in self._sizes)
                 self._swapchain = Swapchain(self._runtime, self._session, self.context(), whole)
                 self._controllers = Controllers(self._runtime, self._session)
@@ -253,12 +255,6 @@ class OpenXRHeadset(HeadsetWindow):
         with quiet_terminal(), suppress(self._xr.exception.XrException):
             self._xr.destroy_session(self._session)
 
-    def _reference_space(self, kind: Any) -> Any:
-        pose = self._xr.Posef()
-        pose.orientation.w = 1.0
-        info = self._xr.ReferenceSpaceCreateInfo(reference_space_type=kind, pose_in_reference_space=pose)
-        return self._xr.create_reference_space(self._session, info)
-
     def _first_frames(self) -> HeadsetFacts:
         """Show empty frames until the headset is on and tracks, and return what the runtime says."""
         deadline, tracked = time.monotonic() + LONGEST_START, 0
@@ -303,10 +299,9 @@ class OpenXRHeadset(HeadsetWindow):
             focus_size=self._recommended[2] if len(fovs) > 2 else None,
         )
 
-    def _hidden(self) -> tuple[tuple[Triangle, ...], tuple[Triangle, ...]]:
+    def _hidden(self) -> tuple[tuple[Triangle, ...], ...]:
         """Return what the lenses never show of the wide views."""
-        left, right = (hidden_area(self._runtime, self._session, self._kind, eye) for eye in (0, 1))
-        return left, right
+        return tuple(hidden_area(self._runtime, self._session, self._kind, eye) for eye in (0, 1))
 
     def _idle_frame(self) -> HeadsetFrame:
         """Return a frame that nobody sees, a refresh after the latest one."""

@@ -49,19 +49,15 @@ def openxr_library() -> Any:
     return xr
 
 
-def one_line(error: BaseException) -> str:
-    """Return what an error says, as the end of a sentence.
+def one_line(error: Any) -> str:
+    """Return what an error says, as the end of a sentence; of OpenXR its name in the specification.
 
     >>> one_line(ValueError("No such runtime.  Sorry."))
     'No such runtime. Sorry'
     """
-    return " ".join(str(error).split()).rstrip(".") or type(error).__name__
-
-
-def result_of(error: Any) -> str:
-    """Return what a function of OpenXR returned, by its name in the specification."""
     result = error.get_result_enum() if hasattr(error, "get_result_enum") else None
-    return f"XR_{result.name}" if result is not None else one_line(error)
+    said = " ".join(str(error).split()).rstrip(".") or type(error).__name__
+    return said if result is None else f"XR_{result.name}"
 
 
 @contextmanager
@@ -129,7 +125,10 @@ class OpenXRRuntime:
 
     def __init__(self, xr: Any, *, gaze: bool = False) -> None:
         self.xr = xr = Library(xr)
-        self._offered = self._extensions() - (set() if gaze else {GAZE})
+        with self._none_there():
+            found = xr.enumerate_instance_extension_properties()
+        self._offered = {one.extension_name.decode(errors="replace") for one in found}
+        self._offered -= set() if gaze else {GAZE}
         clock = CLOCKS.get(sys.platform, TIMESPEC)
         for needed in (OPENGL, clock):
             if needed not in self._offered:
@@ -143,8 +142,16 @@ class OpenXRRuntime:
             with self._none_there():
                 properties = xr.get_instance_properties(self.instance)
             self.name = f"{properties.runtime_name.decode(errors='replace')} ({properties.runtime_version})"
+            form = xr.SystemGetInfo(form_factor=xr.FormFactor.HEAD_MOUNTED_DISPLAY)
             with self.talking(), quiet_terminal():
-                self.system_id = self._headset()
+                try:
+                    self.system_id = xr.get_system(self.instance, form)
+                except xr.exception.XrException as error:
+                    raise InstrumentError(
+                        f"the OpenXR runtime {self.name} has no headset ({one_line(error)}): plug it in and "
+                        "switch it on",
+                        Fault.NOT_FOUND,
+                    ) from None
                 self.system = xr.get_system_properties(self.instance, self.system_id)
         except BaseException:
             self.close()
@@ -180,7 +187,7 @@ class OpenXRRuntime:
             yield
         except self.xr.exception.XrException as error:
             raise InstrumentError(
-                f"the OpenXR runtime {self.name} went away or failed ({result_of(error)}): start it again",
+                f"the OpenXR runtime {self.name} went away or failed ({one_line(error)}): start it again",
                 Fault.DISCONNECTED,
             ) from None
 
@@ -192,29 +199,13 @@ class OpenXRRuntime:
             with quiet_terminal(), suppress(self.xr.exception.XrException):
                 self.xr.destroy_instance(instance)
 
-    def _extensions(self) -> set[str]:
-        with self._none_there():
-            found = self.xr.enumerate_instance_extension_properties()
-        return {one.extension_name.decode(errors="replace") for one in found}
-
     @contextmanager
     def _none_there(self) -> Iterator[None]:
         try:
             yield
         except self.xr.exception.XrException as error:
             raise InputError(
-                f"no OpenXR runtime answers ({result_of(error)}): install and start the headset's own "
+                f"no OpenXR runtime answers ({one_line(error)}): install and start the headset's own "
                 "program (SteamVR, Varjo Base) or Monado (on Debian 13 the package monado-service), make it "
                 "the active runtime or name its file in XR_RUNTIME_JSON; the rig simulated-headset needs none"
-            ) from None
-
-    def _headset(self) -> Any:
-        form = self.xr.SystemGetInfo(form_factor=self.xr.FormFactor.HEAD_MOUNTED_DISPLAY)
-        try:
-            return self.xr.get_system(self.instance, form)
-        except self.xr.exception.XrException as error:
-            raise InstrumentError(
-                f"the OpenXR runtime {self.name} has no headset ({result_of(error)}): plug it in and "
-                "switch it on",
-                Fault.NOT_FOUND,
             ) from None

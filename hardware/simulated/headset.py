@@ -67,10 +67,8 @@ class HeadsetScript:
     untracked: Sequence[Span] = ()
     recentred: Sequence[float] = ()  # when the runtime says that its origin is another, as `head` has it then
     dropped: Mapping[int, int] = field(default_factory=dict)  # refreshes that pass before a frame, from 0
-    hidden: tuple[tuple[Triangle, ...], tuple[Triangle, ...]] = (
-        (),
-        (),
-    )  # by the lenses, as `HeadsetFacts` has
+    # By the lenses, as `HeadsetFacts` has it.
+    hidden: tuple[tuple[Triangle, ...], tuple[Triangle, ...]] = ((), ())
     lost_at: int | None = None  # the frame at which the runtime goes away
     focus_size: Size | None = None  # of the focus views, if it has any
 
@@ -193,11 +191,7 @@ class SimulatedHeadset(HeadsetWindow):
     def versions(self) -> dict[str, str]:
         """Return what draws it."""
         info = self._context.info
-        return {
-            "headset": "simulated",
-            "renderer": info["GL_RENDERER"],
-            "opengl": info["GL_VERSION"],
-        }
+        return {"headset": "simulated", "renderer": info["GL_RENDERER"], "opengl": info["GL_VERSION"]}
 
     def close(self) -> None:
         """Let go of its images and its graphics context."""

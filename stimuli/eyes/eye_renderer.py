@@ -12,8 +12,6 @@ so another one for each eye: the same for both would be seen as a surface of gra
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,9 +30,6 @@ if TYPE_CHECKING:
     import moderngl
 
     from evenlight.hardware.protocols import Window
-
-    # Sets what is seen of an image in a view of some number; returns the texture.
-    TakeImage = Callable[[int, EyePose], moderngl.Texture]
 
 PIXEL_BY_PIXEL, PLANE, SPHERE = range(1, 4)  # how the places in an image are found; 0 where there is none
 
@@ -61,9 +56,7 @@ class EyeRenderer(CodeRenderer):
         self._no_image = self._context.texture((1, 1), 4, bytes(4), dtype="u1")
         self._set(gamma=display.gamma, coverage=0, image=1, thresholds=2)
 
-    def _draw(
-        self, framebuffer: moderngl.Framebuffer, field: Field, take_image: TakeImage | None = None
-    ) -> None:
+    def _draw(self, framebuffer: moderngl.Framebuffer, field: Field) -> None:
         views = self._window.eyes()
         if views is None:
             raise ValueError("eyes are drawn in a headset's window, got another one")
@@ -76,9 +69,12 @@ class EyeRenderer(CodeRenderer):
             left, _, width, height = framebuffer.viewport = eye.part
             panel = panel_matrix(eye, (width, height), views.head, self._text.size)
             self._set(left_edge=left, height=height, panel=panel)
-            image = self._no_image if take_image is None else take_image(index, eye)
-            self._render(self._text, image, self._thresholds)
+            self._render(self._text, self._taken(index, eye), self._thresholds)
         framebuffer.viewport = (0, 0, framebuffer.width, framebuffer.height)
+
+    def _taken(self, index: int, eye: EyePose) -> moderngl.Texture:
+        """Set what is seen of an image in a view of some number, and return the texture."""
+        return self._no_image
 
     def _relative(self, luminance: float) -> float:
         """Return a luminance [cd/m^2] as a share of the range of the display: 0 its black, 1 its white.
@@ -141,11 +137,12 @@ class EyeImageRenderer(EyeRenderer, ImageUploads):
         black, white = self._display.black_level, self._display.peak_luminance
         lift = (1 - picture.factor) * black / (white - black)
         self._set(frame=frame, seed=seed, factor=picture.factor, lift=lift)
-        field = Field(picture.ground, picture.ink, picture.coverage)
-        self._draw(framebuffer, field, partial(self._take_image, picture))
+        self._picture = picture
+        self._draw(framebuffer, Field(picture.ground, picture.ink, picture.coverage))
 
-    def _take_image(self, picture: DimmedImage, index: int, eye: EyePose) -> moderngl.Texture:
-        image, surface, size = picture.of_view(index), self._surface, eye.part[2:]
+    def _taken(self, index: int, eye: EyePose) -> moderngl.Texture:
+        picture, surface, size = self._picture, self._surface, eye.part[2:]
+        image = picture.of_view(index)
         part, first = image.texture.size, (0, 0)
         if isinstance(picture.image, EyeImages):
             mapping, matrix = PIXEL_BY_PIXEL, centred(part, size)

@@ -20,7 +20,7 @@ from evenlight.experiments.sessions import search_stage
 from evenlight.experiments.sessions.staging import BlindStage
 from evenlight.experiments.sessions.window_stage import WindowStage
 from evenlight.experiments.stage import PausePressed, SearchResult, SearchView
-from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard, SimulatedPointer
+from evenlight.hardware.presentation.simulated_input import SimulatedKeyboard
 from evenlight.hardware.simulated.clocks import RefreshClock, refresh_after
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.stimuli.dithering import thresholds_of
@@ -213,9 +213,10 @@ def test_keys_turn_by_ten_degrees_in_a_quarter_of_a_second_each_within_the_field
 
 def test_the_mouse_turns_by_a_pixels_angle_for_each_pixel(context) -> None:
     window = Window(context)
-    pointer = SimulatedPointer(window.now)
-    pointer.queue(right=24.0, up=-36.0, delay=0.5)
-    pointer.queue(right=600.0, up=0.0, delay=1.0)
+    moves = [(window.now() + 0.5, (24.0, -36.0)), (window.now() + 1.0, (600.0, 0.0)), (np.inf, (0.0, 0.0))]
+    pointer = SimpleNamespace(
+        moved=lambda: moves.pop(0)[1] if moves[0][0] <= window.now() else (0.0, 0.0), close=bool
+    )
     searched = staged(window, open_pointer=lambda: pointer)[0].search(VIEW)
     times = np.array(searched.flip_times) + searched.onset
     between = (times > 0.53) & (times < 0.99)
