@@ -40,8 +40,8 @@ def waves(height, width, periods):
 
 def of_scene(window):
     model = SceneModel("lamps", 1)
-    for x, light in ((-3.0, 20.0), (-0.6, 80.0), (0.0, 40.0), (0.9, 90.0)):
-        model.lamp([[x, 4, -9], [x + 3, 4, -9], [x + 3, 4, 9], [x, 4, 9]], light)
+    for x, to, light in ((-3.0, -0.6, 20.0), (-0.6, 0.0, 80.0), (0.0, 0.9, 40.0), (0.9, 4.0, 90.0)):
+        model.lamp([[x, 4, -9], [to, 4, -9], [to, 4, 9], [x, 4, 9]], light)
     stereo = StereoRenderer(window.context(), model.build(), window.view_sizes(), None)
     stereo.render(eye_views(window.eyes(), (0.0, 0.0, 1.0), 0.0))
     stereo.encode()
@@ -80,13 +80,11 @@ def test_a_focus_view_shows_what_the_wide_view_has_there(headset, kind: str) -> 
     whole, eyes = headset.read_codes()[..., 1], headset.eyes().eyes
     assert whole.shape == (100, 2 * (90 + 120))
     views = [
-        whole[100 - height :, left : left + width] for left, _, width, height in (eye.part for eye in eyes)
+        whole[100 - high :, left : left + across] for left, _, across, high in (eye.part for eye in eyes)
     ]
     for wide, focus, of_wide, of_focus in zip(views[:2], views[2:], eyes[:2], eyes[2:], strict=True):
         (left, right, down, up), edge = of_wide.fov.tangents(), of_focus.fov.tangents()[1]
-        columns = (
-            (np.linspace(left, right, 181)[1::2] + edge) / (2 * edge) * 120
-        )  # of the wide view's pixels,
+        columns = (np.linspace(left, right, 181)[1::2] + edge) / (2 * edge) * 120  # of the wide view's pixels
         rows = (edge - np.linspace(up, down, 161)[1::2]) / (2 * edge) * 100  # in the focus view
         inside = [np.flatnonzero((at > 0) & (at < n)) for at, n in ((rows, 100), (columns, 120))]
         here = focus[np.ix_(rows[inside[0]].astype(int), columns[inside[1]].astype(int))]
