@@ -13,8 +13,8 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import special
 
 from evenlight.data_schema.arguments import number
 from evenlight.data_schema.arrays import Array
@@ -29,7 +29,7 @@ from evenlight.method.psychometric import TWO_INTERVAL_GUESS_RATE, WIDTH_LOGITS,
 # 0.35 between people. Without a guess rate, none, as the published limit was fitted.
 ASSUMED_WIDTH, ASSUMED_WIDTH_RATIO, ASSUMED_SD = 1.6, 1.8, 0.35
 SIMULTANEOUS = 4 / 3  # standard deviations of a simultaneous band for one of a pointwise band
-SENSITIVE = float(special.ndtri(0.95))  # of 100 people, 5 see more than this one
+SENSITIVE = float(scipy.special.ndtri(0.95))  # of 100 people, 5 see more than this one
 
 
 def with_assumed(limit: RateLimit) -> tuple[RateLimit, str]:
@@ -68,13 +68,13 @@ def share_noticed(rate_ratio: ArrayLike, limit: RateLimit) -> Array:
     assert known.width is not None
     with np.errstate(divide="ignore"):  # ln 0 = -inf is meant: nothing to see
         distance = np.log(np.asarray(rate_ratio, dtype=np.float64))
-    return np.asarray(special.expit(WIDTH_LOGITS * distance / known.width + _logit_at(known)))
+    return np.asarray(scipy.special.expit(WIDTH_LOGITS * distance / known.width + _logit_at(known)))
 
 
 def _logit_at(known: RateLimit) -> float:
     """Return the logit of the share that is noticed at a limit."""
     if known.noticed is not None:
-        return float(special.logit(known.noticed))
+        return float(scipy.special.logit(known.noticed))
     return float(threshold_logit(known.guess_rate or 0.0))
 
 
@@ -109,7 +109,7 @@ def limit_at_share(limit: RateLimit, noticed: float) -> RateLimit:
         raise ArgumentError("noticed", f"the rate limit {limit.name!r} is for a share already")
     known = with_assumed(limit)[0]
     assert known.width is not None
-    further = float(special.logit(noticed)) - _logit_at(known)
+    further = float(scipy.special.logit(noticed)) - _logit_at(known)
     ratio, *ends = (
         math.exp(further * width / WIDTH_LOGITS) for width in (known.width, *(known.width_range or ()))
     )

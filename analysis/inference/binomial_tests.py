@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import optimize, special, stats
 
 from evenlight.data_schema.arrays import Array, Integers, Mask
 
@@ -32,7 +32,7 @@ def exact_p(chosen: int, answers: int) -> float:
     >>> exact_p(0, 5)  # 2 / 2^5
     0.0625
     """
-    return float(stats.binomtest(chosen, answers, HALF).pvalue)
+    return float(scipy.stats.binomtest(chosen, answers, HALF).pvalue)
 
 
 def clopper_pearson(chosen: float, answers: float, level: float = LEVEL) -> Interval:
@@ -45,8 +45,8 @@ def clopper_pearson(chosen: float, answers: float, level: float = LEVEL) -> Inte
     (0.0, 0.975)
     """
     tail = (1 - level) / 2
-    low = special.betaincinv(chosen, answers - chosen + 1, tail) if chosen else 0.0
-    high = special.betaincinv(chosen + 1, answers - chosen, 1 - tail) if chosen < answers else 1.0
+    low = scipy.special.betaincinv(chosen, answers - chosen + 1, tail) if chosen else 0.0
+    high = scipy.special.betaincinv(chosen + 1, answers - chosen, 1 - tail) if chosen < answers else 1.0
     return float(low), float(high)
 
 
@@ -63,12 +63,12 @@ def mid_p_interval(chosen: int, answers: int) -> Interval:
 
     def below(p: float) -> float:
         """P(X < k) + P(X = k) / 2, which falls from 1 to 0 as p rises: the mean of P(X < k) and P(X <= k)."""
-        fewer = special.betaincc(k, n - k + 1, p) if k else 0.0
-        at_most = special.betaincc(k + 1, n - k, p) if k < n else 1.0
+        fewer = scipy.special.betaincc(k, n - k + 1, p) if k else 0.0
+        at_most = scipy.special.betaincc(k + 1, n - k, p) if k < n else 1.0
         return float(fewer + at_most) / 2
 
-    low = optimize.brentq(lambda p: below(p) - (1 - tail), 0.0, 1.0, xtol=1e-13) if k else 0.0
-    high = optimize.brentq(lambda p: below(p) - tail, 0.0, 1.0, xtol=1e-13) if k < n else 1.0
+    low = scipy.optimize.brentq(lambda p: below(p) - (1 - tail), 0.0, 1.0, xtol=1e-13) if k else 0.0
+    high = scipy.optimize.brentq(lambda p: below(p) - tail, 0.0, 1.0, xtol=1e-13) if k < n else 1.0
     return float(low), float(high)
 
 
@@ -80,8 +80,8 @@ def equivalence_p(chosen: int, answers: int, margin: float) -> float:
     >>> round(equivalence_p(1, 2, 0.25), 9)  # P(X >= 1 | 1/4) = P(X <= 1 | 3/4) = 7/16
     0.4375
     """
-    above_low = stats.binom.sf(chosen - 1, answers, HALF - margin)
-    below_high = stats.binom.cdf(chosen, answers, HALF + margin)
+    above_low = scipy.stats.binom.sf(chosen - 1, answers, HALF - margin)
+    below_high = scipy.stats.binom.cdf(chosen, answers, HALF + margin)
     return float(max(above_low, below_high))
 
 
@@ -116,7 +116,7 @@ def posterior_within(chosen: int, answers: int, margin: float) -> float:
     0.3
     """
     a, b = chosen + 1, answers - chosen + 1
-    return float(special.betainc(a, b, HALF + margin) - special.betainc(a, b, HALF - margin))
+    return float(scipy.special.betainc(a, b, HALF + margin) - scipy.special.betainc(a, b, HALF - margin))
 
 
 def bayes_factor_within(chosen: int, answers: int, margin: float) -> float:
@@ -128,7 +128,7 @@ def bayes_factor_within(chosen: int, answers: int, margin: float) -> float:
     1.0
     """
     a, b = chosen + 1, answers - chosen + 1
-    outside = special.betainc(a, b, HALF - margin) + special.betaincc(a, b, HALF + margin)
+    outside = scipy.special.betainc(a, b, HALF - margin) + scipy.special.betaincc(a, b, HALF + margin)
     odds = posterior_within(chosen, answers, margin) / max(float(outside), np.finfo(float).tiny)
     return float(odds * (1 - 2 * margin) / (2 * margin))
 
@@ -169,7 +169,7 @@ def _effective_number(successes: Integers, trials: Integers) -> float:
     squares = float(excess @ excess) + pseudo * n / people * ((1 - share) ** 2 + share**2)
     weight = people + 2 * PSEUDO_PERSON
     variance = weight / (weight - 1) * squares / (n + 2 * pseudo) ** 2
-    fewer = special.stdtrit(n - 1, 0.975) / special.stdtrit(people - 1, 0.975)
+    fewer = scipy.special.stdtrit(n - 1, 0.975) / scipy.special.stdtrit(people - 1, 0.975)
     return float(min(share * (1 - share) / variance * fewer**2, n))
 
 
@@ -196,7 +196,7 @@ def difference_power(answers: ArrayLike, share: ArrayLike, alpha: float = ALPHA)
     n, p = np.asarray(answers), np.asarray(share, dtype=np.float64)
     few = lower_critical(n, alpha)
     # Whichever the share, as many as n - few or more count as well.
-    return np.asarray(stats.binom.cdf(few, n, p) + stats.binom.sf(n - few - 1, n, p))
+    return np.asarray(scipy.stats.binom.cdf(few, n, p) + scipy.stats.binom.sf(n - few - 1, n, p))
 
 
 def lower_critical(answers: ArrayLike, alpha: float = ALPHA) -> Integers:
@@ -206,8 +206,8 @@ def lower_critical(answers: ArrayLike, alpha: float = ALPHA) -> Integers:
     [-1, 0, 4]
     """
     n = np.asarray(answers)
-    k = stats.binom.ppf(alpha / 2, n, HALF)
-    return np.asarray(np.where(stats.binom.cdf(k, n, HALF) <= alpha / 2, k, k - 1), dtype=np.int64)
+    k = scipy.stats.binom.ppf(alpha / 2, n, HALF)
+    return np.asarray(np.where(scipy.stats.binom.cdf(k, n, HALF) <= alpha / 2, k, k - 1), dtype=np.int64)
 
 
 def equivalence_power(answers: ArrayLike, share: ArrayLike, margin: float) -> Array:
@@ -219,8 +219,8 @@ def equivalence_power(answers: ArrayLike, share: ArrayLike, margin: float) -> Ar
     0.0
     """
     n, p = np.asarray(answers), np.asarray(share, dtype=np.float64)
-    fewest = stats.binom.isf(ALPHA, n, HALF - margin) + 1  # P(X >= fewest | 1/2 - margin) <= 5 %
-    within = stats.binom.cdf(n - fewest, n, p) - stats.binom.cdf(fewest - 1, n, p)
+    fewest = scipy.stats.binom.isf(ALPHA, n, HALF - margin) + 1  # P(X >= fewest | 1/2 - margin) <= 5 %
+    within = scipy.stats.binom.cdf(n - fewest, n, p) - scipy.stats.binom.cdf(fewest - 1, n, p)
     return np.asarray(np.where(fewest <= n - fewest, within, 0.0))
 
 
@@ -232,7 +232,9 @@ def smallest_share_found(answers: int, power: float) -> float | None:
     """
     if lower_critical(answers) < 0:
         return None
-    found = optimize.brentq(lambda p: float(difference_power(answers, p)) - power, HALF, 1.0, xtol=1e-12)
+    found = scipy.optimize.brentq(
+        lambda p: float(difference_power(answers, p)) - power, HALF, 1.0, xtol=1e-12
+    )
     return float(found)
 
 
@@ -257,7 +259,9 @@ def margin_shown(answers: int, power: float) -> float:
     [False, True]
     """
     fewest = np.arange(1, answers // 2 + 1)
-    within = stats.binom.cdf(answers - fewest, answers, HALF) - stats.binom.cdf(fewest - 1, answers, HALF)
+    within = scipy.stats.binom.cdf(answers - fewest, answers, HALF) - scipy.stats.binom.cdf(
+        fewest - 1, answers, HALF
+    )
     enough = fewest[within >= power]
     return smallest_margin(int(enough[-1]), answers) if enough.size else HALF
 
@@ -304,5 +308,5 @@ def interval_coverage(answers: int, shares: ArrayLike, mid_p: bool) -> Array:
     interval = mid_p_interval if mid_p else clopper_pearson
     ends = np.array([interval(k, answers) for k in range(answers + 1)])
     holds = (ends[:, :1] <= p) & (p <= ends[:, 1:])
-    outcomes = stats.binom.pmf(np.arange(answers + 1)[:, None], answers, p)
+    outcomes = scipy.stats.binom.pmf(np.arange(answers + 1)[:, None], answers, p)
     return np.asarray((outcomes * holds).sum(axis=0))

@@ -19,8 +19,8 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import stats
 
 from evenlight.data_schema.arrays import Array, Integers
 
@@ -97,7 +97,7 @@ def signed_rank_test(differences: ArrayLike, zeros: ZeroHandling = ZeroHandling.
     """
     scores = _whole(differences)
     ranked = scores if zeros is ZeroHandling.PRATT else scores[scores != 0]
-    twice_ranks = np.rint(2 * stats.rankdata(np.abs(ranked))).astype(np.int64)  # midranks are halves
+    twice_ranks = np.rint(2 * scipy.stats.rankdata(np.abs(ranked))).astype(np.int64)  # midranks are halves
     twice_ranks = np.where(ranked != 0, twice_ranks, 0)
     statistic = float(np.sum(np.sign(ranked) * twice_ranks)) / 2
     found = _found(ranked, twice_ranks, statistic)

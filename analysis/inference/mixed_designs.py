@@ -9,7 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg, special
+import scipy
 
 from evenlight.analysis.inference.adaptive_quadrature import PaddedModel
 from evenlight.data_schema.arrays import Array, Integers
@@ -169,7 +169,7 @@ class NullDistribution:
     @property
     def critical(self) -> float:
         """Statistic beyond which a two-sided test at 5 % rejects."""
-        t_squared = float(special.stdtrit(self.df, (1 + LEVEL) / 2)) ** 2
+        t_squared = float(scipy.special.stdtrit(self.df, (1 + LEVEL) / 2)) ** 2
         return t_squared if self.units is None else float(self.units * np.log1p(t_squared / self.df))
 
     def p_value(self, ratio: float) -> float:
@@ -180,12 +180,12 @@ class NullDistribution:
         0.05
         """
         t_squared = ratio if self.units is None else self.df * np.expm1(min(ratio / self.units, 500.0))
-        return float(2 * special.stdtr(self.df, -np.sqrt(t_squared)))
+        return float(2 * scipy.special.stdtr(self.df, -np.sqrt(t_squared)))
 
     @property
     def quantile(self) -> float:
         """Standard errors from the estimate to the end of a 95 % confidence interval by curvature."""
-        return float(special.stdtrit(self.df, (1 + LEVEL) / 2))
+        return float(scipy.special.stdtrit(self.df, (1 + LEVEL) / 2))
 
 
 def reference_of(
@@ -296,5 +296,5 @@ def between_directions(design: Array, groups: Integers) -> int:
     """
     sums = np.stack([np.bincount(groups, weights=column) for column in design.T], axis=1)
     means = sums / np.sqrt(np.bincount(groups))[:, None]
-    shares = linalg.eigh(means.T @ means, design.T @ design, eigvals_only=True)
+    shares = scipy.linalg.eigh(means.T @ means, design.T @ design, eigvals_only=True)
     return int(np.sum(shares > 0.5))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import optimize
+import scipy
 
 from evenlight.data_schema.arrays import Array, Integers
 
@@ -79,7 +79,9 @@ def fit_mixed_model(data: GroupedEstimates) -> MixedModelFit:
         return -solved(parameters).log_likelihood
 
     starts = (np.array([0.7, 0.3]), np.array([0.1, 0.7]))
-    runs = [optimize.fmin(cost, start, xtol=1e-7, ftol=1e-10, maxiter=600, disp=False) for start in starts]
+    runs = [
+        scipy.optimize.fmin(cost, start, xtol=1e-7, ftol=1e-10, maxiter=600, disp=False) for start in starts
+    ]
     return solved(min(runs, key=cost))
 
 

@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy import optimize, special
 
 from evenlight.analysis.inference.exact_intervals import joined, shared_interval, sign_flip_interval
 from evenlight.data_schema.arrays import Array, Integers
@@ -170,12 +170,12 @@ def _adjusted_sd(values: Array, step: float) -> float:
 def _noncentral_interval(d_z: float, n: int) -> tuple[float, float]:
     """Return the d_z for which what was found, t = d_z √n, is at the 97.5 % and at the 2.5 % point."""
     t, tail = abs(d_z) * math.sqrt(n), (1 - LEVEL) / 2
-    ends = [float(special.nctdtrinc(n - 1, share, t)) / math.sqrt(n) for share in (1 - tail, tail)]
+    ends = [float(scipy.special.nctdtrinc(n - 1, share, t)) / math.sqrt(n) for share in (1 - tail, tail)]
     return (ends[0], ends[1]) if d_z >= 0 else (-ends[1], -ends[0])
 
 
 def _t_quantile(df: float) -> float:
-    return float(special.stdtrit(df, (1 + LEVEL) / 2))
+    return float(scipy.special.stdtrit(df, (1 + LEVEL) / 2))
 
 
 def _alike(values: Array) -> str:
@@ -208,7 +208,7 @@ def superiority(differences: ArrayLike) -> Effect:
 
 def _tango_interval(better: int, worse: int, n: int) -> tuple[float, float]:
     """Return the score interval of P(better) - P(worse) (Tango 1998)."""
-    z = float(special.ndtri((1 + LEVEL) / 2))
+    z = float(scipy.special.ndtri((1 + LEVEL) / 2))
     found = (better - worse) / n
 
     def score(difference: float, beyond: float) -> float:
@@ -218,8 +218,8 @@ def _tango_interval(better: int, worse: int, n: int) -> tuple[float, float]:
             return (gap / math.sqrt(variance) if gap else 0.0) - beyond
         return math.copysign(math.inf, gap)  # at the ends of the scale nothing varies
 
-    low = -1.0 if found == -1 else optimize.bisect(score, -1.0, found, args=(z,), xtol=1e-12)
-    high = 1.0 if found == 1 else optimize.bisect(score, found, 1.0, args=(-z,), xtol=1e-12)
+    low = -1.0 if found == -1 else scipy.optimize.bisect(score, -1.0, found, args=(z,), xtol=1e-12)
+    high = 1.0 if found == 1 else scipy.optimize.bisect(score, found, 1.0, args=(-z,), xtol=1e-12)
     return float(low), float(high)
 
 

@@ -14,8 +14,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import ContrastModel
@@ -105,10 +105,10 @@ class PixelFloor:
         return loss_of(drawn, full, self._form)
 
 
-def _smooth(known: dict[int, float]) -> PchipInterpolator:
+def _smooth(known: dict[int, float]) -> scipy.interpolate.PchipInterpolator:
     """Return what runs through known values without overshooting them (Fritsch & Butland 1984)."""
     at = sorted(known)
-    return PchipInterpolator(at, [known[k] for k in at])
+    return scipy.interpolate.PchipInterpolator(at, [known[k] for k in at])
 
 
 @dataclass(slots=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.optimize import LinearConstraint, NonlinearConstraint, minimize
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
@@ -58,13 +58,13 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
         Of convergence.
     """
     n, budget, reach = len(start), problem.baseline_factor, problem.step_reach()
-    limits: list[LinearConstraint | NonlinearConstraint] = [
-        LinearConstraint(problem.budget_weights[None], budget, budget),
-        NonlinearConstraint(
+    limits: list[scipy.optimize.LinearConstraint | scipy.optimize.NonlinearConstraint] = [
+        scipy.optimize.LinearConstraint(problem.budget_weights[None], budget, budget),
+        scipy.optimize.NonlinearConstraint(
             lambda b: _slack(problem, reach, b), 0.0, np.inf, jac=lambda b: _slack_slope(problem, reach, b)
         ),
     ]
-    result = minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
+    result = scipy.optimize.minimize(  # type: ignore[call-overload] # the stubs ask for statically 1-D arrays
         problem.objective,
         np.clip(start, problem.lowest_factor, 1.0),
         jac=lambda b: _objective_slope(problem, b),
