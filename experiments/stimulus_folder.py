@@ -55,6 +55,11 @@ class LoadedStimulus:
         """Name of the sequence."""
         return self.stimulus.name
 
+    @property
+    def path(self) -> str:
+        """Its camera path, for a search: the file beside its folder if there is one, else a built-in one."""
+        return _path_beside(self.folder, self.name)
+
     def factors(self, version: Version) -> NDArray[np.float64]:
         """Return the brightness factor of each frame in a version, (N,)."""
         if version is Version.OURS:
@@ -126,14 +131,14 @@ def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]
     Raises
     ------
     InputError
-        If one is no built-in path with places of rings, or its track was made for another angle than the
+        If one is no path with places of rings, or its track was made for another angle than the
         built-in sequence or the video beside it was rendered for.
     """
     for each in stimuli:
-        ring_places(each.name)
+        ring_places(each.path)
         _require_true_size(each)
     return tuple(
-        replace(each, stimulus=replace(each.stimulus, video_sha256=search_sha256(each.name)))
+        replace(each, stimulus=replace(each.stimulus, video_sha256=search_sha256(each.path)))
         for each in stimuli
     )
 
@@ -148,10 +153,16 @@ def neutral_luminance(stimuli: Sequence[LoadedStimulus]) -> float:
     return float(np.exp(np.mean(np.log(np.maximum(frames, DARKEST_NEUTRAL)))))
 
 
+def _path_beside(folder: Path, name: str) -> str:
+    own = folder.parent / f"{name}.json"
+    return str(own) if own.is_file() else name
+
+
 def _stimulus(folder: Path, name: str, display: Display, with_video: bool) -> LoadedStimulus:
     if not (folder / TRACK).is_file():
         raise InputError(
-            f"{folder / TRACK}: no such file; make it with `evenlight optimize {name} --budget B --out "
+            f"{folder / TRACK}: no such file; make it with `evenlight optimize {_path_beside(folder, name)} "
+            "--budget B --out "
             f"{folder}`"
         )
     track = read_track(folder / TRACK)
@@ -203,7 +214,7 @@ def _require_true_size(searched: LoadedStimulus) -> None:
         raise InputError(
             f"{folder}: the track was made {made}, and the search shows the path at its true size, "
             f"{' or '.join(f'{angle:.4g}°' for angle in angles)} wide; make it again with `evenlight "
-            f"optimize {searched.name} --budget B --out {folder}`, without --field-of-view"
+            f"optimize {searched.path} --budget B --out {folder}`, without --field-of-view"
         )
 
 

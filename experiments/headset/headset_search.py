@@ -16,7 +16,7 @@ from evenlight.stimuli.eyes.eye_views import eye_views, head_direction
 from evenlight.stimuli.image_renderer import EyeImages, Image
 from evenlight.stimuli.rings.landolt import LEVELS_16
 from evenlight.stimuli.rings.ring_scene import StereoRings
-from evenlight.stimuli.scenes.content.catalogue import scene_named
+from evenlight.stimuli.scenes.content.catalogue import scene_searched
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class HeadsetSearchPlayer(SearchPlayer):
     def prepare(self, name: str) -> None:
         """Make a scene ready, where it is not yet: its light is computed, or read from the cache."""
         if name not in self._rings:
-            context, scene = self._headset.context(), scene_named(name)
+            context, scene = self._headset.context(), scene_searched(name)
             pictures = StereoRenderer(context, scene, self._headset.view_sizes())
             self._rings[name] = StereoRings(context, pictures, scene, self._on.display)
 

@@ -25,7 +25,7 @@ from evenlight.stimuli.image_renderer import DimmedImage, EyeImages, Image
 from evenlight.stimuli.renderers import AnyFieldRenderer, image_renderer
 from evenlight.stimuli.rings.landolt import GAPS_IN_DIAMETER, LEVELS_16, Ring, gap_pixels
 from evenlight.stimuli.rings.ring_scene import RingScene
-from evenlight.stimuli.scenes.content.catalogue import scene_named
+from evenlight.stimuli.scenes.content.catalogue import scene_searched
 from evenlight.stimuli.scenes.engine.antialiasing import LIVE
 from evenlight.stimuli.scenes.engine.camera import Camera, LookingAround, focal_length_of
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
@@ -238,7 +238,7 @@ class SearchPlayer:
     def _scene(self, name: str) -> RingScene:
         if name not in self._scenes:
             window = self._on.window
-            renderer = SceneRenderer(window.context(), scene_named(name), window.size(), antialiasing=LIVE)
+            renderer = SceneRenderer(window.context(), scene_searched(name), window.size(), antialiasing=LIVE)
             self._scenes[name] = RingScene(window.context(), renderer, self._on.display)
         return self._scenes[name]
 
@@ -297,7 +297,7 @@ class OffscreenPainter(AbstractContextManager["OffscreenPainter"]):
 
     def _scene(self, name: str, side: int) -> RingScene:
         if name not in self._scenes or self._scenes[name].size[0] < side:
-            renderer = SceneRenderer(self._context, scene_named(name), (side, side))
+            renderer = SceneRenderer(self._context, scene_searched(name), (side, side))
             self._scenes[name] = RingScene(self._context, renderer, self._display)
         return self._scenes[name]
 

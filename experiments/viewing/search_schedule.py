@@ -43,7 +43,7 @@ def relative_azimuth(azimuth: float, first: float) -> float:
 class SearchPoint:
     """A keypoint as a search uses it: where it and its rings lie, how bright each version is there."""
 
-    # camera path, point on it, scene
+    # camera path, point on it, scene or the file of the path through it
     sequence: str
     keypoint: str
     scene: str
@@ -81,9 +81,9 @@ def search_points(
     for stimulus in stimuli:
         _require_whole_path(stimulus)
     points = [
-        _point(path_named(stimulus.name), rings, stimulus, display)
+        _point(path_named(stimulus.path), rings, stimulus, display)
         for stimulus in stimuli
-        for rings in ring_places(stimulus.name).keypoints
+        for rings in ring_places(stimulus.path).keypoints
         if not design.keypoints or f"{stimulus.name}/{rings.keypoint}" in design.keypoints
     ]
     for point in points:
@@ -94,14 +94,15 @@ def search_points(
     for wanted in design.keypoints:
         if wanted not in found:
             path = wanted.partition("/")[0]
-            known = ", ".join(rings.keypoint for rings in ring_places(path).keypoints)
+            (of,) = (stimulus.path for stimulus in stimuli if stimulus.name == path)
+            known = ", ".join(rings.keypoint for rings in ring_places(of).keypoints)
             raise InputError(f"keypoint {wanted!r}: the path {path} has {known} for a search")
     return tuple(points)
 
 
 def _require_whole_path(stimulus: LoadedStimulus) -> None:
     """Refuse a track that is not as long as its path: of an excerpt, or of something else."""
-    track, walk = stimulus.stimulus.duration, path_named(stimulus.name).duration
+    track, walk = stimulus.stimulus.duration, path_named(stimulus.path).duration
     if abs(track - walk) > LONGEST_DIFFERENCE:
         raise InputError(
             f"{stimulus.folder}: its track lasts {track:g} s, and the path {stimulus.name} {walk:g} s; "
@@ -154,7 +155,8 @@ def _point(path: CameraPath, rings: KeypointRings, stimulus: LoadedStimulus, dis
         keypoint.position, keypoint.azimuth, keypoint.altitude, focal_length=focal_length_of(display)
     )
     factors = {version: float(stimulus.factors(version)[frame]) for version in VERSIONS}
-    return SearchPoint(stimulus.name, keypoint.name, path.scene, camera, rings, factors)
+    scene = stimulus.path if stimulus.path.endswith(".json") else path.scene
+    return SearchPoint(stimulus.name, keypoint.name, scene, camera, rings, factors)
 
 
 def search_order(

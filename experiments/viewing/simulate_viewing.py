@@ -30,6 +30,7 @@ from evenlight.experiments.sessions.task import SessionSetting, Task
 from evenlight.experiments.stimulus_folder import LoadedStimulus, load_stimuli, track_display
 from evenlight.experiments.viewing.simulated_viewers import SimulatedViewer, Viewing
 from evenlight.method.preset_files import DEFAULT_DISPLAY, load_display
+from evenlight.stimuli.rings.ring_scene import ring_places
 
 SESSION = "01"
 
@@ -99,6 +100,9 @@ def load_simulation(
     shown = track_display(folder, asked.sequences) if display is None and folder is not None else None
     shown = shown or load_display(display or DEFAULT_DISPLAY)
     stimuli = load_stimuli(folder, asked.sequences, shown, with_video=False) if folder is not None else ()
+    for each in () if EXPERIMENTS[task].shows_videos else stimuli:
+        if each.path.endswith(".json"):
+            ring_places(each.path)  # where they are still to be chosen, before what draws them is opened
     return ViewingSimulation(*people, task, shown, asked, stimuli)
 
 

@@ -1,8 +1,8 @@
 """Draws a Landolt ring into a scene as a screen or both eyes of a headset show it, and holds rings' places.
 
-Along a camera path there are three places at each keypoint. They are chosen once
-(`examples/choose_ring_places.py`) and stored beside the path, so that every participant and every laboratory
-searches for the same rings, and a session needs no rendering before it can be planned.
+Along a camera path there are three places at each keypoint. They are chosen once (`chosen_places`) and stored
+beside the path, so that every participant and every laboratory searches for the same rings, and a session
+needs no rendering before it can be planned.
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,8 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.provenance import sha256_of_bytes
 from evenlight.data_schema.quantities import check_limits, described, quantity
-from evenlight.data_schema.storage.text_files import read_json_record
+from evenlight.data_schema.storage.text_files import read_json_record, write_json_record
+from evenlight.progress import note
 from evenlight.stimuli.rings import landolt
 from evenlight.stimuli.rings.landolt import (
     GAPS_IN_DIAMETER,
@@ -33,12 +35,13 @@ from evenlight.stimuli.rings.landolt import (
     require_drawable,
     surroundings_of,
 )
-from evenlight.stimuli.scenes.content.catalogue import PATHS
+from evenlight.stimuli.scenes.content.catalogue import PATHS, files_sha256, path_named
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.array_cache import scenes_sha256
 from evenlight.stimuli.scenes.engine.camera import Camera, View, focal_length_of
+from evenlight.stimuli.scenes.engine.light.seen_patches import met_from
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
-from evenlight.stimuli.scenes.engine.scene import Floats, Patches, Scene, Vector, direction_of
+from evenlight.stimuli.scenes.engine.scene import Scene, Vector, direction_of
 from evenlight.stimuli.scenes.engine.stereo import StereoRenderer
 from evenlight.stimuli.shaders import over_all, set_uniforms, shader
 
@@ -46,7 +49,6 @@ if TYPE_CHECKING:
     import moderngl
 
 SUBSAMPLES = 8  # along each side of a pixel: an edge is drawn within 1/16 pixel of its place
-NOTHING = -1  # in place of a patch: the sky
 SUFFIX = ".rings.json"
 PLACES = 2  # at each keypoint: one for each version that a participant sees; there is one more for practice
 PRACTICE_SIZE = 2  # of a ring for practice, as a multiple of the design's
@@ -185,51 +187,13 @@ class StereoRings:
             If the display does not reach its luminance.
         """
         direction = direction_of(ring.azimuth, ring.altitude)
-        distance = float(seen_along(self._scene.patches, position, direction[None])[0][0])
+        distance = float(met_from(self._scene.patches, position, direction[None])[0][0])
         return replace(self.eyes[0].paint(ring, position), seen_from=position, distance=distance)
 
     def draw(self, views: Sequence[View], painted_ring: PaintedRing | None = None) -> None:
         """Draw what is seen in each view, and the ring in it if one is given, into `texture` of each."""
         for eye, view in zip(self.eyes, views, strict=True):
             eye.draw(view, painted_ring)
-
-
-def seen_along(patches: Patches, position: Vector, directions: Floats) -> tuple[Floats, NDArray[np.int64]]:
-    """Return what rays from a point meet first.
-
-    Parameters
-    ----------
-    patches : Patches
-        The surfaces; their back sides are met too.
-    position : (float, float, float)
-        Where the rays start [m].
-    directions : array, (m, 3)
-        Their unit vectors.
-
-    Returns
-    -------
-    distance : array, (m,)
-        To what is met [m]; infinite for nothing.
-    patch : array of int, (m,)
-        Which patch that is; `NOTHING` for none.
-    """
-    distances, met = np.full(len(directions), np.inf), np.full(len(directions), NOTHING)
-    to_eye = np.asarray(position) - patches.origin
-    q = np.cross(to_eye, patches.along)
-    for k, direction in enumerate(np.asarray(directions, dtype=float)):
-        # Moller & Trumbore (1997), for parallelograms and their halves.
-        p = np.cross(direction, patches.across)
-        determinant = np.einsum("ij,ij->i", patches.along, p)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            s = np.einsum("ij,ij->i", to_eye, p) / determinant
-            t = q @ direction / determinant
-            distance = np.einsum("ij,ij->i", patches.across, q) / determinant
-            inside = (s >= 0) & (t >= 0) & np.where(patches.triangle, s + t <= 1, (s <= 1) & (t <= 1))
-            distance = np.where(inside & (distance > 0), distance, np.inf)
-        nearest = int(np.argmin(distance))
-        if distance[nearest] < np.inf:
-            distances[k], met[k] = distance[nearest], nearest
-    return distances, met
 
 
 @dataclass(frozen=True, slots=True)
@@ -282,25 +246,52 @@ class RingPlaces:
     keypoints: tuple[KeypointRings, ...] = described(
         "the keypoints of the path that a search uses, with their places"
     )
+    chosen_in: str = described(
+        "SHA-256 of the path and the files of its scene, for which they serve; empty for any", default=""
+    )
 
 
 def search_sha256(path: str) -> str:
     """Return the SHA-256 of what a search along a camera path shows: scenes, path, rings and their places."""
-    rings = (Path(str(landolt.__file__)), Path(__file__))
-    files = (PATHS / f"{path}.json", PATHS / f"{path}{SUFFIX}", *rings)
-    return sha256_of_bytes(scenes_sha256().encode() + b"".join(file.read_bytes() for file in files))
+    files = (_rings_file(path), Path(str(landolt.__file__)), Path(__file__))
+    shown = scenes_sha256() + files_sha256(path_named(path))
+    return sha256_of_bytes(shown.encode() + b"".join(file.read_bytes() for file in files))
 
 
+@lru_cache(maxsize=16)
 def ring_places(path: str) -> RingPlaces:
-    """Return where rings are searched for along a built-in camera path.
+    """Return where rings are searched for along a camera path, by name or .json file.
+
+    Along a path of a file they are chosen the first time, and stored beside it.
 
     Raises
     ------
     InputError
-        If there are none.
+        If there are none, or those beside a file are of another path or scene.
     """
-    file = PATHS / f"{path}{SUFFIX}"
-    if not file.is_file():
-        known = sorted(each.name.removesuffix(SUFFIX) for each in PATHS.glob(f"*{SUFFIX}"))
-        raise InputError(f"no rings are searched for along {path!r}; there is {', '.join(known)}")
-    return read_json_record(RingPlaces, file)
+    file = _rings_file(path)
+    if not path.endswith(".json"):
+        if not file.is_file():
+            known = sorted(each.name.removesuffix(SUFFIX) for each in PATHS.glob(f"*{SUFFIX}"))
+            raise InputError(
+                f"no rings are searched for along {path!r}; there is {', '.join(known)}; or put {path}.json, "
+                "a path of your own, beside the folder of its track"
+            )
+        return read_json_record(RingPlaces, file)
+    walk = path_named(path)
+    if not file.exists():
+        from evenlight.stimuli.rings.chosen_places import places_along
+
+        note(f"{path}: chooses places of rings, and stores them in {file}")
+        write_json_record(file, replace(places_along(walk), chosen_in=files_sha256(walk)))
+    places = read_json_record(RingPlaces, file)
+    unknown = {each.keypoint for each in places.keypoints} - {point.name for point in walk.keypoints}
+    if places.path != walk.name or unknown or places.chosen_in not in ("", files_sha256(walk)):
+        what = f"no keypoint {min(unknown)!r} is on the path" if unknown else "the path or the scene changed"
+        what = what if places.path == walk.name else f"they are of the path {places.path!r}"
+        raise InputError(f"{file}: its places of rings do not serve: {what}; delete it, to choose them anew")
+    return places
+
+
+def _rings_file(path: str) -> Path:
+    return Path(path.removesuffix(".json") + SUFFIX) if path.endswith(".json") else PATHS / f"{path}{SUFFIX}"

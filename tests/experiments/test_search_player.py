@@ -121,7 +121,7 @@ def context() -> Iterator[Any]:
 @pytest.fixture(autouse=True)
 def pattern(monkeypatch) -> None:
     monkeypatch.setattr(search_stage, "SceneRenderer", Pattern)
-    monkeypatch.setattr(search_stage, "scene_named", lambda name: name)
+    monkeypatch.setattr(search_stage, "scene_searched", lambda name: name)
     Pattern.made = 0
 
 

@@ -1,6 +1,7 @@
 """The order of searches: each keypoint once in each version, never twice at the same place."""
 
 from collections import Counter
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,8 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
 from evenlight.data_schema.recordings.viewing import Version
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
+from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.viewing import search_schedule
 from evenlight.experiments.viewing.search_schedule import (
     SearchPoint,
     relative_azimuth,
@@ -20,7 +23,7 @@ from evenlight.experiments.viewing.search_schedule import (
 )
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
-from evenlight.stimuli.scenes.content.catalogue import path_named
+from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_searched
 from evenlight.stimuli.scenes.engine.camera import Camera
 
 XR3 = load_display("varjo-xr3")
@@ -136,7 +139,8 @@ class Track:
     stimulus = SimpleNamespace(duration=path_named("library").duration)
 
     def __init__(self, name: str, ours: float) -> None:
-        self.name, self._factors = name, {Version.OURS: ours, Version.BASELINE: 0.9}
+        self.name = self.path = name
+        self._factors = {Version.OURS: ours, Version.BASELINE: 0.9}
 
     def factors(self, version: Version) -> list[float]:
         return [self._factors[version]]
@@ -146,6 +150,20 @@ def stacks(contrast: float, factor: float, actuator: Actuator = Actuator.PIXELS)
     """The darkest keypoint of the library, on the headset."""
     design = SearchDesign(sequences=("library",), keypoints=("library/stacks",), ring_contrast=contrast)
     return search_points(design, [Track("library", factor)], XR3, actuator)
+
+
+def test_a_path_in_a_file_beside_the_folder_of_its_track_is_searched(tmp_path, monkeypatch) -> None:
+    """It goes before a built-in one of its name, in the scene that it says."""
+    stimulus = LoadedStimulus(SimpleNamespace(name="library"), tmp_path / "library", None)
+    assert stimulus.path == "library"
+    (tmp_path / "library.json").write_text((PATHS / "library.json").read_text())
+    assert stimulus.path == str(tmp_path / "library.json")
+    monkeypatch.setattr(search_schedule, "ring_places", lambda path: ring_places(Path(path).stem))
+    track = Track("library", 0.9)
+    track.path = stimulus.path
+    design = SearchDesign(sequences=("library",), keypoints=("library/stacks",))
+    assert [point.scene for point in search_points(design, [track], XR3)] == [stimulus.path]
+    assert scene_searched(stimulus.path).name == "school"
 
 
 def darkest_around_the_stacks() -> float:

@@ -98,7 +98,7 @@ def main() -> None:
     rig = dataclasses.replace(
         load_rig("simulated")[0], window_size=SIZE, photodiode_patch=PhotodiodePatch(Corner.TOP_RIGHT, SIDE)
     )
-    search_stage.SceneRenderer, search_stage.scene_named = Gray, lambda name: name
+    search_stage.SceneRenderer, search_stage.scene_searched = Gray, lambda name: name
     times = np.arange(15) / 30
     clip = Clip(GrayVideo(), times, 0.5, np.full(15, 0.8), 9)
     with open_window(rig, RefreshClock(60.0)) as window:

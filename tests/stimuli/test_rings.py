@@ -5,11 +5,11 @@ import json
 import math
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from example_scripts import example_script
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -19,6 +19,7 @@ from evenlight.data_schema.recordings.search import ORIENTATIONS
 from evenlight.data_schema.recordings.viewing import PAPER_SEQUENCES
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.stimuli.dithering import level_luminance
+from evenlight.stimuli.rings import chosen_places
 from evenlight.stimuli.rings.landolt import (
     Ring,
     Surroundings,
@@ -28,7 +29,6 @@ from evenlight.stimuli.rings.landolt import (
     shown_contrast,
 )
 from evenlight.stimuli.rings.ring_scene import (
-    NOTHING,
     PATHS,
     PRACTICE_SIZE,
     SUFFIX,
@@ -36,12 +36,13 @@ from evenlight.stimuli.rings.ring_scene import (
     RingPlaces,
     RingScene,
     ring_places,
-    seen_along,
+    search_sha256,
 )
 from evenlight.stimuli.scenes.content.catalogue import path_named, scene_named
 from evenlight.stimuli.scenes.engine.camera import Camera
-from evenlight.stimuli.scenes.engine.camera_path import Keypoint
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath, Keypoint
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
+from evenlight.stimuli.scenes.engine.light.seen_patches import NOTHING, met_from
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Scene, direction_of
@@ -201,8 +202,6 @@ def test_it_is_the_contrast_that_the_renderer_draws(level, factor) -> None:
 
 # --- ring places
 
-place_script = example_script("choose_ring_places")
-
 LAB_OF_RING_PLACES = Display("lab", 100.0, 0.0, 2.2, pixels_per_degree=24.0)
 
 EYE = Camera((0.0, 0.0, 1.5), azimuth=0.0)
@@ -240,7 +239,7 @@ def test_rays_meet_the_nearest_surface_at_its_distance(room) -> None:
     directions = np.array(
         [direction_of(0, 0), direction_of(math.degrees(math.atan2(1, 2)), 0), direction_of(270, 0)]
     )
-    distances, met = seen_along(room.patches, EYE.position, directions)
+    distances, met = met_from(room.patches, EYE.position, directions)
     np.testing.assert_allclose(distances[:2], [4.0, math.sqrt(5)], rtol=1e-6)
     assert met[2] == NOTHING
     assert distances[2] == np.inf
@@ -262,7 +261,7 @@ def test_rays_meet_the_nearest_surface_at_its_distance(room) -> None:
     ],
 )
 def test_a_ring_lies_on_one_surface_that_neither_shines_nor_has_holes(room, towards, suits) -> None:
-    assert place_script.lies_on_a_surface(room, EYE, ring_towards(*towards)) == suits
+    assert chosen_places.lies_on_a_surface(room, EYE, ring_towards(*towards)) == suits
 
 
 @pytest.mark.slow
@@ -270,7 +269,7 @@ def test_a_surface_that_is_looked_at_too_flatly_does_not_count(room) -> None:
     """From 0.2 m above the floor, the floor 1.5 m away is seen at a cosine of 0.13."""
     low = dataclasses.replace(EYE, position=(0.0, 0.0, 0.2))
     altitude = -math.degrees(math.atan2(0.2, 1.5))
-    assert not place_script.lies_on_a_surface(room, low, Ring(340.0, altitude, 10.0, -0.3, 0))
+    assert not chosen_places.lies_on_a_surface(room, low, Ring(340.0, altitude, 10.0, -0.3, 0))
 
 
 class Lit:
@@ -283,11 +282,11 @@ class Lit:
 
 def chosen(
     room: Scene, seed: int = 3
-) -> tuple[place_script.RingPlace, place_script.RingPlace, place_script.RingPlace]:
-    return place_script.choose_places(room, Lit(), EYE, np.random.default_rng(seed))
+) -> tuple[chosen_places.RingPlace, chosen_places.RingPlace, chosen_places.RingPlace]:
+    return chosen_places.choose_places(room, Lit(), EYE, np.random.default_rng(seed))
 
 
-def angle_between(first: place_script.RingPlace, second: place_script.RingPlace) -> float:
+def angle_between(first: chosen_places.RingPlace, second: chosen_places.RingPlace) -> float:
     """Return the angle between two places, by the cosine rule on the sphere [deg]."""
     a, b = math.radians(first.altitude), math.radians(second.altitude)
     turn = math.radians(first.azimuth - second.azimuth)
@@ -300,11 +299,11 @@ def test_the_places_are_apart_alike_and_where_they_may_be(room, seed) -> None:
     first, second, practice = chosen(room, seed=seed)
     assert angle_between(first, second) >= 20 - 1e-9
     assert min(angle_between(practice, first), angle_between(practice, second)) >= 12 - 1e-9
-    ahead = place_script.RingPlace(0.0, 0.0, 1.0, 0.0)
+    ahead = chosen_places.RingPlace(0.0, 0.0, 1.0, 0.0)
     for place in (first, second, practice):
         assert 10 <= angle_between(ahead, place) <= 45
         assert abs(place.azimuth) < 30  # evenly lit
-        assert place_script.lies_on_a_surface(room, EYE, Ring(place.azimuth, place.altitude, 10.0, -0.3, 0))
+        assert chosen_places.lies_on_a_surface(room, EYE, Ring(place.azimuth, place.altitude, 10.0, -0.3, 0))
     assert first.luminance / second.luminance == pytest.approx(1.0, abs=0.1)
 
 
@@ -313,7 +312,7 @@ def test_the_place_for_practice_suits_a_ring_of_twice_the_size(room) -> None:
     """Its surroundings reach twice as far; where light is even for small rings alone, no place suits."""
     for seed in range(4):
         practice = chosen(room, seed=seed)[2]
-        assert place_script.lies_on_a_surface(
+        assert chosen_places.lies_on_a_surface(
             room, EYE, Ring(practice.azimuth, practice.altitude, 20.0, -0.3, 0)
         )
 
@@ -323,7 +322,7 @@ def test_the_place_for_practice_suits_a_ring_of_twice_the_size(room) -> None:
             return around if ring.gap < 20 else dataclasses.replace(around, variation=0.9)
 
     with pytest.raises(InputError, match=r"suit a ring of 10 arcmin, 0 of them one of 20; .* 12 from both"):
-        place_script.choose_places(room, UnevenForLarge(), EYE, np.random.default_rng(3))
+        chosen_places.choose_places(room, UnevenForLarge(), EYE, np.random.default_rng(3))
 
 
 @pytest.mark.slow
@@ -343,7 +342,7 @@ def test_where_no_three_places_are_found_one_line_says_so(room, monkeypatch) -> 
         said = r"room: around \(0, 0, 1\.5\) m, towards 0 degrees, .* another keypoint"
         with monkeypatch.context() as patch:
             for name, value in rules.items():
-                patch.setattr(place_script, name, value)
+                patch.setattr(chosen_places, name, value)
             with pytest.raises(InputError, match=said):
                 chosen(room)
 
@@ -360,7 +359,7 @@ def test_in_a_picture_of_the_room_the_places_are_as_bright_as_they_say(context, 
     """Drawn with the room's own light: read at each place's pixel, which is within the texture's evenness."""
     renderer = SceneRenderer(context, room, (240, 240), None)
     rings = RingScene(context, renderer, LAB_OF_RING_PLACES)
-    for place in place_script.choose_places(room, rings, EYE, np.random.default_rng(1)):
+    for place in chosen_places.choose_places(room, rings, EYE, np.random.default_rng(1)):
         rings.draw(Camera(EYE.position, place.azimuth, place.altitude, focal_length=1375.0))
         middle = rings.pixel_values()[115:125, 115:125] / 65535
         luminance = 100 * (middle**2.2).mean()
@@ -368,8 +367,6 @@ def test_in_a_picture_of_the_room_the_places_are_as_bright_as_they_say(context, 
 
 
 # --- ring place files
-
-rules = example_script("choose_ring_places")
 
 MEASURED = "basement"  # of both scenes, its scene is drawn the sooner
 
@@ -384,9 +381,9 @@ def rings_of(keypoint: KeypointRings, point: Keypoint) -> list[tuple[Ring, float
     """Return the rings that may lie around a keypoint, practice's last, each with its recorded luminance."""
     azimuths = (*keypoint.azimuths, keypoint.practice_azimuth)
     altitudes = (*keypoint.altitudes, keypoint.practice_altitude)
-    gaps = (rules.GAP, rules.GAP, PRACTICE_SIZE * rules.GAP)
+    gaps = (chosen_places.GAP, chosen_places.GAP, PRACTICE_SIZE * chosen_places.GAP)
     rings = [
-        Ring(point.azimuth + azimuth, altitude, gap, rules.CONTRAST, 0)
+        Ring(point.azimuth + azimuth, altitude, gap, chosen_places.CONTRAST, 0)
         for azimuth, altitude, gap in zip(azimuths, altitudes, gaps, strict=True)
     ]
     return list(zip(rings, (*keypoint.luminances, keypoint.practice_luminance), strict=True))
@@ -405,14 +402,14 @@ def test_every_keypoint_of_a_search_has_three_places_that_a_ring_can_lie_at(name
         camera = Camera(point.position, point.azimuth, point.altitude)
         rings = [ring for ring, _ in rings_of(each, point)]
         first, second, practice = ((ring.azimuth, ring.altitude) for ring in rings)
-        assert angle(first, second) >= rules.APART - ROUNDING
-        assert min(angle(practice, first), angle(practice, second)) >= rules.PRACTICE_APART - ROUNDING
+        assert angle(first, second) >= chosen_places.APART - ROUNDING
+        assert min(angle(practice, first), angle(practice, second)) >= chosen_places.PRACTICE_APART - ROUNDING
         for ring in rings:
             eccentricity = angle((point.azimuth, point.altitude), (ring.azimuth, ring.altitude))
-            assert eccentricity >= rules.SMALLEST_ECCENTRICITY - ROUNDING
-            assert eccentricity <= rules.LARGEST_ECCENTRICITY + ROUNDING
-            assert abs(ring.altitude) <= rules.HIGHEST + ROUNDING
-            assert rules.lies_on_a_surface(scene, camera, ring), each.keypoint
+            assert eccentricity >= chosen_places.SMALLEST_ECCENTRICITY - ROUNDING
+            assert eccentricity <= chosen_places.LARGEST_ECCENTRICITY + ROUNDING
+            assert abs(ring.altitude) <= chosen_places.HIGHEST + ROUNDING
+            assert chosen_places.lies_on_a_surface(scene, camera, ring), each.keypoint
 
 
 @pytest.mark.slow
@@ -424,15 +421,15 @@ def test_around_its_places_a_scene_is_as_bright_and_as_even_as_was_recorded() ->
     path = path_named(MEASURED)
     context = offscreen_context()
     try:
-        renderer = SceneRenderer(context, scene_named(path.scene), rules.PICTURE_SIZE)
-        scene = RingScene(context, renderer, rules.DISPLAY)
+        renderer = SceneRenderer(context, scene_named(path.scene), chosen_places.PICTURE_SIZE)
+        scene = RingScene(context, renderer, chosen_places.DISPLAY)
         for each in ring_places(MEASURED).keypoints:
             point = path.keypoint(each.keypoint)
             for ring, recorded in rings_of(each, point):
                 around = scene.surroundings(ring, point.position)
                 assert around.luminance == pytest.approx(recorded, rel=0.03), each.keypoint
-                assert around.luminance >= rules.DARKEST * 0.97
-                assert around.variation <= rules.LARGEST_VARIATION * 1.03
+                assert around.luminance >= chosen_places.DARKEST * 0.97
+                assert around.variation <= chosen_places.LARGEST_VARIATION * 1.03
     finally:
         context.release()
 
@@ -451,3 +448,69 @@ def test_a_file_without_a_place_for_practice_is_refused(tmp_path, missing) -> No
 def test_a_path_without_rings_is_refused_with_those_that_have_some() -> None:
     with pytest.raises(InputError, match=r"no rings are searched for along 'attic'; there is basement, gym"):
         ring_places("attic")
+
+
+# --- rings along a path of one's own
+
+
+@pytest.fixture
+def own_path(tmp_path, monkeypatch) -> Iterator[Path]:
+    """A path whose scene is a file, and a choice without drawing: what is stored for the library."""
+    found = next(each for each in ring_places("library").keypoints if each.keypoint == "stacks")
+
+    def choose(path: CameraPath) -> RingPlaces:
+        return RingPlaces(path.name, 1, tuple(dataclasses.replace(found, keypoint=n) for n in path.places))
+
+    monkeypatch.setattr(chosen_places, "places_along", choose)
+    points = [
+        {"name": name, "time_s": time, "position_m": [time, 0, 1.6], "azimuth_deg": 0, "altitude_deg": 0}
+        for name, time in (("door", 0), ("desk", 1))
+    ]
+    content = {"scene": "lab.gltf", "duration_s": 1, "keypoints": points, "places": ["desk"]}
+    (tmp_path / "lab.gltf").write_text('{"asset": {"version": "2.0"}}')
+    (tmp_path / "lab.json").write_text(json.dumps(content))
+    yield tmp_path / "lab.json"
+    ring_places.cache_clear()
+
+
+def test_along_a_path_of_ones_own_rings_are_chosen_once_and_then_read(own_path, monkeypatch) -> None:
+    chosen = ring_places(str(own_path))
+    assert [each.keypoint for each in chosen.keypoints] == ["desk"]
+    monkeypatch.delattr(chosen_places, "places_along")
+    ring_places.cache_clear()
+    assert ring_places(str(own_path)) == chosen
+
+
+@pytest.mark.parametrize(
+    ("file", "was", "now", "said"),
+    [
+        ("lab.rings.json", '"path": "lab"', '"path": "den"', "they are of the path 'den'; delete it"),
+        ("lab.rings.json", '"keypoint": "desk"', '"keypoint": "bed"', "no keypoint 'bed' is on the path"),
+        ("lab.json", "1.6", "1.7", "the path or the scene changed"),
+        ("lab.gltf", "2.0", "2.00", "the path or the scene changed"),
+    ],
+)
+def test_rings_of_another_path_or_scene_are_refused_and_change_the_hash(
+    own_path, file, was, now, said
+) -> None:
+    ring_places(str(own_path))
+    before = search_sha256(str(own_path))
+    changed = own_path.parent / file
+    changed.write_text(changed.read_text().replace(was, now))
+    assert search_sha256(str(own_path)) != before
+    ring_places.cache_clear()
+    with pytest.raises(InputError, match=rf"lab\.rings\.json: its places of rings do not serve: {said}"):
+        ring_places(str(own_path))
+
+
+@pytest.mark.slow
+def test_at_keypoints_that_are_not_listed_rings_are_chosen_where_they_suit(room, monkeypatch) -> None:
+    """From the middle of the room they do, in light of 30 cd/m^2; from right before its wall they do not."""
+    monkeypatch.setattr(chosen_places, "scene_of", lambda path: room)
+    monkeypatch.setattr(RingScene, "surroundings", lambda *_: Surroundings((30.0, 30.0, 30.0), 0.1))
+    at = [Keypoint("far", 0.0, (0.0, 0.0, 1.5), 0.0, 0.0), Keypoint("near", 1.0, (-3.0, 3.9, 1.5), 0.0, 0.0)]
+    path = CameraPath("own", "room.glb", 1.0, tuple(at))
+    monkeypatch.setattr(chosen_places, "SceneRenderer", lambda *given: SceneRenderer(*given, None))
+    assert [each.keypoint for each in chosen_places.places_along(path).keypoints] == ["far"]
+    with pytest.raises(InputError, match=r"room: around .* take another keypoint"):
+        chosen_places.places_along(dataclasses.replace(path, places=("near",)))

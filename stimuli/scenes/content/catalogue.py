@@ -68,6 +68,11 @@ def scene_of(path: CameraPath) -> Scene:
     return scene
 
 
+def scene_searched(name: str) -> Scene:
+    """Return the scene of a search: a built-in one by name, or that of the file of a path."""
+    return scene_of(path_named(name)) if name.endswith(".json") else scene_named(name)
+
+
 def files_sha256(path: CameraPath) -> str:
     """Return the SHA-256 of a path and of the files of its scene; of a built-in one the name counts."""
     scene = sha256_of_gltf(Path(path.scene)) if is_scene_file(path.scene) else path.scene

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 from evenlight.method.compiled_loop import compiled_loop
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
-from evenlight.stimuli.scenes.engine.light.ray_tree import DEPTH, nearest, ray_tree
-from evenlight.stimuli.scenes.engine.scene import Floats, Scene
+from evenlight.stimuli.scenes.engine.light.ray_tree import DEPTH, RayTree, nearest, ray_tree
+from evenlight.stimuli.scenes.engine.scene import Floats, Patches, Scene, Vector
 from evenlight.stimuli.scenes.engine.vertices import faces_of
 
+NOTHING = -1  # in place of a patch: the sky
 VIEWS, RAYS = 24, (64, 36)  # along a path, and of each view
 
 
@@ -29,18 +32,32 @@ def seen_along(scene: Scene, path: CameraPath, field_of_view: float, stopped: Fl
         rays = np.column_stack([x, y, np.ones_like(x)]) @ camera.axes()
         away = (planes @ [*camera.position, 1.0] < 0) & ~scene.holed()
         facing = np.where(away, 0, stopped)[tree.patch].astype(np.float32)
-        met = _met(tree._replace(coverage=facing), np.array(camera.position, np.float32), rays.astype("f4"))
-        found.append(met)
+        found.append(_first_met(tree._replace(coverage=facing), np.array(camera.position), rays)[0])
     return np.concatenate(found)
 
 
+def met_from(patches: Patches, position: Vector, directions: Floats) -> tuple[Floats, NDArray[np.int64]]:
+    """Return how far away the patches are that rays of length 1 from a point meet first, and which.
+
+    Back sides are met too, and holes. For nothing that is infinity, and `NOTHING`.
+    """
+    met, distances = _first_met(_solid(patches), np.array(position), np.asarray(directions, dtype=float))
+    return distances, met
+
+
+@lru_cache(maxsize=2)
+def _solid(patches: Patches) -> RayTree:
+    return ray_tree(patches, np.ones(len(patches)))
+
+
 @compiled_loop(error_model="numpy")
-def _met(tree, eye, rays):
-    """Return which patch each ray meets first, -1 for none."""
-    met, stack = np.full(len(rays), -1), np.empty((2, DEPTH))
+def _first_met(tree, eye, rays):
+    """Return which patch each ray meets first, -1 for none, and how far away."""
+    met, distances, stack = np.full(len(rays), -1), np.full(len(rays), np.inf), np.empty((2, DEPTH))
+    a, b, c = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
     for i in range(len(rays)):
-        x, y, z = rays[i]
-        k = nearest(tree, eye[0], eye[1], eye[2], x, y, z, -1, i, stack)[0]
+        x, y, z = np.float32(rays[i, 0]), np.float32(rays[i, 1]), np.float32(rays[i, 2])
+        k, distance, _, _ = nearest(tree, a, b, c, x, y, z, -1, i, stack)
         if k >= 0:
-            met[i] = tree.patch[k]
-    return met
+            met[i], distances[i] = tree.patch[k], distance
+    return met, distances
