@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -32,8 +33,16 @@ class LiveOptions(OnDisplay, WithinLimit):
         str, expert(help="Measured light of each of its steps: brightness.csv of a luminance sweep.")
     ] = ""
     target_loss: Annotated[
-        float, asked(help="Share of visible contrast that the picture may lose, 0 to 1.")
-    ] = 0.03
+        float | None,
+        asked(help="Share of visible contrast that the picture may lose, 0 to 1.", show_default="0.03"),
+    ] = None
+    budget: Annotated[
+        float | None,
+        asked(
+            help="Instead: mean share of its power that the display may use over 10 minutes; of its "
+            "brightness, where it has no power model."
+        ),
+    ] = None
     min_factor: Annotated[float, expert(help="Lowest brightness, as a share of what you have set.")] = 0.3
     on_battery: Annotated[bool, asked("--on-battery", help="Rest on mains power.")] = False
     rest_with: Annotated[
@@ -47,6 +56,17 @@ class LiveOptions(OnDisplay, WithinLimit):
         bool, service("--install", help="Show a user's service for systemd, and start it with the session.")
     ] = False
     uninstall: Annotated[bool, expert("--uninstall", help="Undo --install.")] = False
+    power_meter: Annotated[
+        str, expert(help="A power meter, told beside the estimate, e.g. battery: for the whole computer.")
+    ] = ""
+    mpv_socket: Annotated[
+        Path | None,
+        expert(help="mpv's --input-ipc-server: films with a track are dimmed by it when full screen."),
+    ] = None
+    tracks: Annotated[
+        Path | None,
+        expert(help="Folder of such tracks, NAME/track.csv for a film's name; else beside the film."),
+    ] = None
     quiet: QuietOption = False
 
 

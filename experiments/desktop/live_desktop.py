@@ -7,17 +7,29 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import typer
 
 from evenlight.data_schema.arguments import number
+from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.power_model import PanelKind
+from evenlight.experiments.desktop.film_tracks import FilmTracks
 from evenlight.experiments.desktop.live_command import LiveOptions
 from evenlight.experiments.desktop.live_loop import LiveLoop, Monitor
-from evenlight.experiments.desktop.live_state import LiveState, only_one, running, toggle_pause, write_state
+from evenlight.experiments.desktop.live_state import (
+    DayTotal,
+    only_one,
+    running,
+    toggle_pause,
+    write_state,
+)
+from evenlight.experiments.desktop.loss_target import LossTarget, factor_due
 from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
+from evenlight.experiments.desktop.power_gauge import PowerGauge
 from evenlight.experiments.desktop.resting import others_at_work, reasons
 from evenlight.experiments.desktop.screens import WatchedScreen, opened_screens
 from evenlight.experiments.desktop.user_service import install, uninstall, unit, unit_file
@@ -32,28 +44,23 @@ from evenlight.method.preset_files import (
     power_model_for,
     usable_limit,
 )
-from evenlight.method.rate_limit import scalar_rate_limit
+from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 
-CORE = 5.0  # [W] assumed of a busy core of a laptop
 LOWEST = 0.05  # of the knots of the loss
+TARGET_LOSS = 0.03  # where nothing else is asked for
 
 
 def live_as_asked(options: LiveOptions) -> None:
-    """Dim until something ends it, or answer what is asked of one that runs.
-
-    Raises
-    ------
-    InputError
-        If an option, display, rate limit, screen and backlight do not go together.
-    InstrumentError
-        If a backlight fails.
-    """
+    """Dim until something ends it, or answer what is asked of one that runs; `InputError` where it cannot."""
     if sys.platform == "win32":
         raise InputError(
             "evenlight live drives backlights of Linux; on Windows there is no driver for them yet"
         )
-    number("target_loss", options.target_loss, 0.0, 1.0)
+    if options.target_loss is not None and options.budget is not None:
+        raise InputError("give --target-loss or --budget, not both: a budget moves the loss")
+    number("target_loss", TARGET_LOSS if options.target_loss is None else options.target_loss, 0.0, 1.0)
     number("min_factor", options.min_factor, 0.01, 1.0)
+    number("budget", 1.0 if options.budget is None else options.budget, 0.01, 1.0)
     if options.status:
         typer.echo(running().in_words())
     elif options.pause:
@@ -65,7 +72,7 @@ def live_as_asked(options: LiveOptions) -> None:
     elif options.install:
         _install()
     else:
-        _dim(options)
+        _dim(options, options.backlight)
 
 
 def _install() -> None:
@@ -76,33 +83,48 @@ def _install() -> None:
         typer.echo("evenlight live --status says what it does; --uninstall undoes this")
 
 
-def _dim(options: LiveOptions) -> None:
+def _dim(options: LiveOptions, backlights: list[str]) -> None:
     tell: Callable[[str], None] = (lambda _: None) if options.quiet else typer.echo
-    backlights = options.backlight or []
-    limit = load_rate_limit(options.rate_limit)
-    display = display_for(limit, options.display)
-    limit = usable_limit(limit, display, options.other_display_ok, options.accept_wide_band, options.noticed)
-    fastest = scalar_rate_limit(limit, display.reflected_luminance, LimitCurve(options.limit_curve))
-    model, knots = load_contrast_model("default"), brightness_factors(LOWEST)
+    display, fastest = _display_and_limit(options)
     power_model = power_model_for(display)
-    known = power_model is not None and power_model.kind is PanelKind.LCD
-    watts = float(power_per_factor(power_model, np.ones((1, 3)))[0]) if known else None
+    lcd = power_model is not None and power_model.kind is PanelKind.LCD
+    watts = float(power_per_factor(power_model, np.ones((1, 3)))[0]) if lcd else None
+    least = 1.0 if options.budget is None else factor_due(options.budget, power_model, 1.0)
+    if least < options.min_factor:
+        raise InputError(
+            f"--budget {options.budget:g} asks for the factor {least:.2f} on average, and the lowest is "
+            f"{options.min_factor:g}: give more, or a lower --min-factor"
+        )
     with ExitStack() as stack:
+        today = DayTotal.kept()
         stack.callback(only_one().release)
         grabber = stack.enter_context(opened_screens())
         if len(backlights) > (count := len(grabber.monitors) - 1):
             raise InputError(f"there are {len(backlights)} backlights, and monitors: {count}")
+        model, knots = load_contrast_model("default"), brightness_factors(LOWEST)
+        films = None if options.mpv_socket is None else FilmTracks(options.mpv_socket, options, tell)
         monitors = []
         for place, name in enumerate(backlights, start=1):
-            area = grabber.monitors[place]
-            tell(f"{name}: monitor {place}, {area['width']}x{area['height']} at {area['left']},{area['top']}")
-            device, watchdog = kept_backlight(name, options.backlight_curve)
-            dimmer = MonitorDimmer(device, fastest, knots, options.target_loss, options.min_factor)
             screen = WatchedScreen(grabber, place, display, model, knots)
-            monitors.append(Monitor(name, screen, dimmer, watchdog.bring_back))
+            screen.look(time.monotonic())
+            tell(f"{name}: monitor {screen.name}, {screen.size[0]}x{screen.size[1]}")
+            device, watchdog = kept_backlight(name, options.backlight_curve)
+            loss = TARGET_LOSS if options.target_loss is None else options.target_loss
+            white = display.peak_luminance
+            dimmer = MonitorDimmer(device, time.monotonic, fastest, white, knots, loss, options.min_factor)
+            one = Monitor(name, screen, dimmer, watchdog.bring_back)
+            if options.budget is not None:
+                due = partial(factor_due, options.budget, power_model)
+                one = replace(one, target=LossTarget(dimmer, due, options.min_factor))
+            if films is not None:
+                one = replace(one, film=partial(films.frame, screen.name))
+            monitors.append(one)
         rest_with = [name.strip() for name in options.rest_with.split(",") if name.strip()]
-        rest = reasons(rest_with, options.on_battery)
-        loop = LiveLoop(monitors, time.monotonic, time.sleep, rest, tell, write_state, watts)
+        measured = PowerGauge(options.power_meter).mean
+        loop = LiveLoop(
+            monitors, time.monotonic, time.sleep, reasons(rest_with, options.on_battery), tell, write_state,
+            watts, measured, today,
+        )  # fmt: skip
         signal.signal(signal.SIGUSR1, lambda *_: setattr(loop, "paused", not loop.paused))
         if words := others_at_work():
             tell(words)
@@ -110,13 +132,13 @@ def _dim(options: LiveOptions) -> None:
             while True:
                 loop.run_once()
         finally:
-            tell(summary(loop.state(time.monotonic())))
+            write_state(loop.state(), to_disk=True)
+            tell(loop.state().in_words())
 
 
-def summary(state: LiveState) -> str:
-    """Return how it went, and whether its own work was worth it."""
-    own = state.work_s * CORE / 3600
-    lines = [state.in_words(), f"its own work took about {own:.2g} Wh (assumed: {CORE:g} W for a busy core)"]
-    if state.saved_wh is not None and state.saved_wh <= own:
-        lines.append("that is no less than it saved: it is not worth it here")
-    return "\n".join(lines)
+def _display_and_limit(options: LiveOptions) -> tuple[Display, ScalarRateLimit]:
+    limit = load_rate_limit(options.rate_limit)
+    display = display_for(limit, options.display)
+    limit = usable_limit(limit, display, options.other_display_ok, options.accept_wide_band, options.noticed)
+    curve = LimitCurve(options.limit_curve)
+    return display, scalar_rate_limit(limit, display.reflected_luminance, curve)

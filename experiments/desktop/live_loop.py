@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import os
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
-from evenlight.experiments.desktop.live_state import LiveState, MonitorState
-from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
+from evenlight.experiments.desktop.live_state import DayTotal, LiveState, MonitorState, day
+from evenlight.experiments.desktop.loss_target import LossTarget
+from evenlight.experiments.desktop.monitor_dimmer import FilmFrame, MonitorDimmer
 from evenlight.experiments.desktop.screens import WatchedScreen
 
 LOOKS = 0.25  # [s] between two
@@ -23,87 +23,99 @@ class Monitor:
     screen: WatchedScreen
     dimmer: MonitorDimmer
     bring_back: Callable[[float], None]  # is told the brightness that its user has set
+    target: LossTarget | None = None  # moves the loss by a budget
+    film: Callable[[float], FilmFrame | None] = lambda _: None  # what a film's track wants
 
 
+@dataclass(eq=False)
 class LiveLoop:
-    """The work of `evenlight live`.
+    """The work of `evenlight live`."""
 
-    Parameters
-    ----------
-    monitors : sequence of Monitor
-        Each with its own backlight.
-    clock, sleep : callable
-        Time [s], and what waits [s].
-    resting : callable
-        Says why nothing is to be dimmed now; empty for no reason.
-    tell, keep : callable
-        Is told what happens; is given the state.
-    watts : float, optional
-        That a factor of 1 takes of a monitor [W].
-    """
+    monitors: Sequence[Monitor]
+    clock: Callable[[], float]  # [s]
+    sleep: Callable[[float], None]
+    resting: Callable[[float], str]  # why nothing is to be dimmed now; empty for no reason
+    tell: Callable[[str], None]
+    keep: Callable[[LiveState], None]
+    watts: float | None = None  # that a factor of 1 takes of a monitor [W]
+    measured: Callable[[], float | None] = lambda: None  # mean power that a meter has measured [W]
+    today: DayTotal = field(default_factory=lambda: DayTotal(day()))  # what was counted before
+    paused: bool = False
 
-    def __init__(
-        self,
-        monitors: Sequence[Monitor],
-        clock: Callable[[], float],
-        sleep: Callable[[float], None],
-        resting: Callable[[float], str],
-        tell: Callable[[str], None],
-        keep: Callable[[LiveState], None],
-        watts: float | None = None,
-    ) -> None:
-        self._monitors, self._clock, self._sleep = monitors, clock, sleep
-        self._resting, self._tell, self._keep, self._watts = resting, tell, keep, watts
-        self._begun = self._counted = clock()
-        self._work = time.process_time()
-        self._look_at = self._tell_at = self._begun
-        self._why = ""
-        self._mean, self._saved = 0.0, 0.0
-        self.paused = False
+    def __post_init__(self) -> None:
+        self._look_at = self._tell_at = self._counted = self.clock()
+        self._work = processor_time()
+        self._why = [""] * len(self.monitors)
 
     def run_once(self) -> None:
         """Look if that is due, move the backlights, and wait for what comes next."""
-        now = self._clock()
+        now = self.clock()
+        for one in self.monitors:
+            one.dimmer.film = one.film(now)
         if now >= self._look_at:
             self._look(now)
             self._look_at = max(self._look_at + LOOKS, now)
-        moving = [one.dimmer for one in self._monitors if not one.dimmer.reached]
-        for dimmer in moving:
-            dimmer.step(now)
-        until = min([self._look_at, *(now + dimmer.interval for dimmer in moving)])
-        self._sleep(max(until - self._clock(), 0.0))
+        due = [self._look_at]
+        for one in self.monitors:
+            if one.dimmer.film is not None or not one.dimmer.reached:
+                one.dimmer.step()
+                due.append(one.dimmer.due(self.clock()))
+        self.sleep(max(min(due) - self.clock(), 0.0))
 
     def _look(self, now: float) -> None:
-        why = "paused" if self.paused else self._resting(now)
-        if why != self._why:
-            self._tell(f"resting: {why}" if why else "dimming again")
-            self._why = why
-        for one in self._monitors:
-            if one.dimmer.notice_user(now):
+        why, passed = "paused" if self.paused else self.resting(now), now - self._counted
+        for k, one in enumerate(self.monitors):
+            if one.dimmer.notice_user():
                 one.bring_back(one.dimmer.ceiling)
-                self._tell(f"{one.backlight} was set to {one.dimmer.set_to:.0%}: kept")
-            one.dimmer.resting = bool(why)
-            if not why:
-                one.dimmer.see(one.screen.look(now))
+                self.tell(f"{one.backlight} was set to {one.dimmer.set_to:.0%}: kept")
+            reason = why or self._look_at_one(one, now, passed)
+            one.dimmer.resting = bool(reason)
+            if reason != self._why[k]:
+                self.tell(f"{one.backlight} " + (f"rests: {reason}" if reason else "is dimmed again"))
+            self._why[k] = reason
         self._count(now)
         if now >= self._tell_at:
-            self._keep(self.state(now))
+            self.keep(self.state())
             self._tell_at = now + TOLD
+
+    def _look_at_one(self, one: Monitor, now: float, passed: float) -> str:
+        """See what is on a monitor; return why it is not to be dimmed."""
+        if one.dimmer.film is not None:
+            return ""
+        light = one.screen.look(now)
+        if light is None:
+            return "its monitor is not there"
+        one.dimmer.see(light)
+        if one.target is not None:
+            one.target.move(passed)
+        return ""
 
     def _count(self, now: float) -> None:
         passed, self._counted = now - self._counted, now
-        for one in self._monitors:
-            self._mean += passed * one.dimmer.factor / len(self._monitors)
-            if self._watts is not None:
-                self._saved += self._watts * (one.dimmer.ceiling - one.dimmer.set_to) * passed / 3600
-
-    def state(self, now: float) -> LiveState:
-        """Return what is now."""
-        seconds = now - self._begun
-        monitors = tuple(
-            MonitorState(one.backlight, one.dimmer.ceiling, one.dimmer.factor, one.dimmer.loss, self._why)
-            for one in self._monitors
+        work, self._work = processor_time() - self._work, processor_time()
+        dimmers = [one.dimmer for one in self.monitors]
+        below = sum(one.ceiling - one.set_to for one in dimmers)
+        before = self.today if self.today.day == day() else DayTotal(day())
+        self.today = DayTotal(
+            before.day,
+            before.seconds + passed,
+            before.dimmed + passed * sum(one.factor for one in dimmers) / len(dimmers),
+            before.saved_wh + (self.watts or 0.0) * below * passed / 3600,
+            before.work_s + work,
         )
-        saved = None if self._watts is None else self._saved
-        mean = self._mean / max(self._counted - self._begun, 1e-9)
-        return LiveState(os.getpid(), seconds, mean, saved, time.process_time() - self._work, monitors)
+
+    def state(self) -> LiveState:
+        """Return what is now."""
+        monitors = tuple(
+            MonitorState(
+                one.backlight, one.dimmer.ceiling, one.dimmer.factor, one.dimmer.loss,
+                f"rests: {why}" if why else "by a film's track" if one.dimmer.film is not None else "",
+            )
+            for one, why in zip(self.monitors, self._why, strict=True)
+        )  # fmt: skip
+        return LiveState(os.getpid(), self.today, self.watts is not None, monitors, self.measured())
+
+
+def processor_time() -> float:
+    """Return what this process and those that it has waited for have taken of the processor [s]."""
+    return sum(os.times()[:4])

@@ -3,10 +3,17 @@
 What the user sets counts as full: the loss is that beside the picture at that brightness, and the factor is a
 share of it. Whoever moves the backlight meanwhile (keys, a slider, a daemon) is right: the ceiling goes with
 them, and the factor below it stays. Where that would be above full, it is dimmed no lower than what they set.
+
+Decision (docs/decisions/rate-constraint.md): the limit is on what a step of the factor changes in the picture
+on screen. Which one that is nobody knows between two looks, so a step keeps the limit of every picture up to
+a white one. It is made in whole steps of the device, the time of each counted from the end of the last.
 """
 
 from __future__ import annotations
 
+import math
+from bisect import bisect_right
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,11 +22,12 @@ from evenlight.data_schema.arrays import Array
 from evenlight.hardware.protocols import Backlight
 from evenlight.method.rate_limit import ScalarRateLimit, furthest_factor
 
-DARKEST = 1.0  # [cd/m^2] of a picture: in a black one no step would be seen, but in the next picture
 SHORTEST = 0.02  # [s] between two settings
-REACHED = 1e-4  # of a factor
 HALF_A_STEP = 0.51  # of the backlight's steps: from here on somebody else has set it
 LATE = 1.0  # [s] that a device may be in telling what it was set to
+ROUNDING = 1e-6  # of a step
+# A device goes to its nearest step, which is no further than its widest one if so much less is asked for.
+ALMOST_HALF, MARGIN = 0.49, 0.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,40 +38,56 @@ class ScreenLight:
     loss: Array  # (K,): 𝓛_c at each knot of the backlight, beside full backlight
 
 
-class MonitorDimmer:
-    """One monitor's backlight.
+@dataclass(frozen=True, slots=True)
+class FilmFrame:
+    """What the track of a film wants while a frame of it is on screen."""
 
-    Parameters
-    ----------
-    backlight : Backlight
-        Open; its factors are shares of luminance.
-    rate_limit : function
-        ΔL [cd/m^2/s] of b·Ī [cd/m^2].
-    knots : array, (K,)
-        Factors b of the loss of each picture, rising to 1.
-    target_loss : float
-        The share of the visible contrast that each picture may lose.
-    lowest : float
-        The lowest share of what the user has set.
+    factor: float  # share of what the user has set
+    luminance: float  # Ī at full backlight [cd/m^2]
+
+
+def limit_of_any_picture(rate_limit: ScalarRateLimit, white: float) -> ScalarRateLimit:
+    """Return the limit [cd/m^2/s] of a white picture that keeps that of each darker one, too.
+
+    A step Δb in Δt changes a picture by Ī Δb / Δt: its share of the limit is largest where ΔL(b·Ī) / Ī is
+    least.
+
+    >>> [limit_of_any_picture(lambda x: 2 + x, 100.0)(x) for x in (10.0, 100.0)]
+    [12.0, 102.0]
     """
+    lights = [float(light) for light in np.geomspace(1e-4, 1.0, 500) * white]
+    least = np.minimum.accumulate([rate_limit(light) / light for light in lights])
 
-    def __init__(
-        self,
-        backlight: Backlight,
-        rate_limit: ScalarRateLimit,
-        knots: Array,
-        target_loss: float,
-        lowest: float,
-    ) -> None:
-        self._backlight, self._rate_limit, self._knots = backlight, rate_limit, knots
-        self._target, self._lowest = target_loss, lowest
-        self.interval = max(backlight.min_interval(), SHORTEST)
-        self.ceiling = self.set_to = backlight.read_factor()
+    def limit(emitted: float) -> float:
+        darker = float(least[max(bisect_right(lights, emitted) - 1, 0)])
+        return min(rate_limit(emitted), emitted * darker)
+
+    return limit
+
+
+@dataclass(eq=False)
+class MonitorDimmer:
+    """One monitor's backlight."""
+
+    backlight: Backlight  # open; its factors are shares of luminance
+    clock: Callable[[], float]  # [s]
+    rate_limit: ScalarRateLimit  # ΔL [cd/m^2/s] of b·Ī [cd/m^2]
+    white: float  # Ī of a white picture at full backlight [cd/m^2]
+    knots: Array  # (K,): factors of the loss of each picture, rising to 1
+    target_loss: float  # share of the visible contrast that each picture may lose
+    lowest: float  # share of what the user has set
+    resting: bool = True  # until it has seen a picture
+    film: FilmFrame | None = None  # what is wanted in place of the loss
+
+    def __post_init__(self) -> None:
+        self.ceiling = self.set_to = self.backlight.read_factor()
         self._path = [(-np.inf, self.set_to)]  # when it was set, and to what
-        self._light: ScreenLight | None = None
-        self._before, self._changed = 0.0, -np.inf
+        self._changed, self._before = self.clock(), self.white
+        self._of_any = limit_of_any_picture(self.rate_limit, self.white)
+        self._loss = np.zeros(len(self.knots))
         self._floor = 0.0  # set by a user who found full backlight dimmed too far
-        self.resting = False
+        self._room = self.backlight.step()
+        self._shortest = max(SHORTEST, self.backlight.min_interval())
 
     @property
     def factor(self) -> float:
@@ -73,56 +97,68 @@ class MonitorDimmer:
     @property
     def loss(self) -> float:
         """𝓛_c of the picture now, beside the brightness that the user has set; 0 before the first."""
-        return 0.0 if self._light is None else float(self._loss_at(np.array([self.set_to]))[0])
+        return float(self.loss_at(np.array([self.factor]))[0])
 
     @property
     def goal(self) -> float:
         """Where the backlight is wanted: at the lowest factor that loses no more than the target."""
-        if self.resting or self._light is None:
+        if self.resting or not self.ceiling > 0:
             return self.ceiling
-        lowest = max(self._lowest * self.ceiling, self._floor, self._backlight.smallest_factor())
+        if self.film is not None:
+            return max(self.film.factor * self.ceiling, self.backlight.smallest_factor())
+        lowest = max(self.lowest * self.ceiling, self._floor, self.backlight.smallest_factor())
         lowest = min(lowest, self.ceiling)
-        at = np.concatenate(
-            [[lowest], self._knots[(self._knots > lowest) & (self._knots < self.ceiling)], [self.ceiling]]
-        )
-        loss = self._loss_at(at)
-        above = np.flatnonzero(loss > self._target)
+        between = self.knots[(self.knots > lowest) & (self.knots < self.ceiling)]
+        at = np.concatenate([[lowest], between, [self.ceiling]])
+        loss = self.loss_at(at / self.ceiling)
+        above = np.flatnonzero(loss > self.target_loss)
         if not len(above):
             return lowest
         k = int(above[-1])
-        share = (loss[k] - self._target) / (loss[k] - loss[k + 1])
+        if k == len(at) - 1:  # nothing may be lost, and rounding has lost something
+            return self.ceiling
+        share = (loss[k] - self.target_loss) / (loss[k] - loss[k + 1])
         return float(at[k] + share * (at[k + 1] - at[k]))
 
     @property
     def reached(self) -> bool:
-        """Whether the backlight is where it is wanted."""
-        return abs(self.set_to - self.goal) <= REACHED
+        """Whether the backlight is where it is wanted, to the nearest of its steps."""
+        return not round((self.goal - self.set_to) / self._room)
+
+    def due(self, now: float) -> float:
+        """Return when to set it next [s]: when the limit has let it go a whole number of its steps."""
+        light, limit = self._light_and_limit()
+        slowest = limit(max(self.set_to - self._room, 0.0) * light) * (1 - MARGIN)
+        interval = self._room * light / slowest if slowest > 0 else self._shortest
+        wait = math.ceil(self._shortest / interval) * interval * (1 + 10 * ROUNDING)
+        return max(self._changed + wait, now + self._shortest / 2)
 
     def see(self, light: ScreenLight) -> None:
         """Take note of what is on the monitor now."""
-        self._light = light
+        self._loss, self.resting = light.loss, False
 
-    def notice_user(self, now: float) -> bool:
+    def notice_user(self) -> bool:
         """Take a brightness that somebody else has set for what counts as full; return whether it is so."""
-        found = self._set_by_others(now)
+        found = self._set_by_others()
         if found is None:
             return False
         share = self.factor
         full = found / share if share > 0 else found
         self.ceiling = min(full, 1.0)
-        self._floor = 0.0 if self.resting or full <= 1 + self._backlight.step() else found
-        self.set_to, self._path = found, [(now, found)]
+        self._floor = 0.0 if self.resting or full <= 1 + self._room else found
+        self._changed = self.clock()
+        self.set_to, self._path = found, [(self._changed, found)]
         return True
 
-    def _set_by_others(self, now: float) -> float | None:
+    def _set_by_others(self) -> float | None:
         """Return where somebody else has set the backlight; None if nobody has.
 
         A device may be late to tell what it was set to: where it was within the last second is its own way,
         but for what it has told to be past.
         """
-        while len(self._path) > 1 and self._path[1][0] <= now - LATE:
+        while len(self._path) > 1 and self._path[1][0] <= self.clock() - LATE:
             del self._path[0]
-        found, room = self._backlight.read_factor(), HALF_A_STEP * self._backlight.step()
+        found, room = self.backlight.read_factor(), HALF_A_STEP * self._room
         for k in reversed(range(len(self._path))):
             between = [factor for _, factor in self._path[k : k + 2]]
             if min(between) - room <= found <= max(between) + room:
@@ -130,30 +166,43 @@ class MonitorDimmer:
                 return None
         return found
 
-    def step(self, now: float) -> bool:
+    def step(self) -> bool:
         """Set the backlight as near to where it is wanted as the limit allows; return whether it was set.
 
-        Somebody else may have moved it since the last look: that is kept, and not set over.
+        Somebody else may have moved it since the last look: that is kept, and not set over. One step of the
+        device is as small as any, however long it takes; more at a time make up for no longer standstill.
         """
-        if self._set_by_others(now) is not None:
+        steps = round((self.goal - self.set_to) / self._room)
+        if not steps or self._set_by_others() is not None:
             return False
-        goal, light = self.goal, DARKEST if self._light is None else max(self._light.luminance, DARKEST)
-        passed = min(now - self._changed, 2 * self.interval)  # standing still saves up no jump
-        luminance, self._before = (self._before or light, light), light
-        furthest = furthest_factor(self.set_to, goal, luminance, passed, self._rate_limit)
-        wanted = min(goal, furthest) if goal > self.set_to else max(goal, furthest)
-        if wanted == self.set_to:
+        passed = (self.clock() - self._changed) * (1 - MARGIN)
+        at_once = self._allowed(steps, min(passed, 2 * self._shortest))
+        count = max(at_once, min(self._allowed(steps, passed), 1))
+        self._before = self._light_and_limit()[0]
+        if not count:
             return False
-        achieved = self._backlight.set_factor(max(wanted, self._backlight.smallest_factor()))
-        self._path.append((now, achieved))
-        self.set_to, self._changed = wanted, now
+        wanted = self.set_to + math.copysign((count - ALMOST_HALF) * self._room, steps)
+        self.set_to = self.backlight.set_factor(min(max(wanted, self.backlight.smallest_factor()), 1.0))
+        self._changed = self.clock()
+        self._path.append((self._changed, self.set_to))
         return True
 
-    def _loss_at(self, factors: Array) -> Array:
-        """Return 𝓛_c of the picture at factors of the backlight, beside the ceiling."""
-        assert self._light is not None
-        kept = 1 - float(np.interp(self.ceiling, self._knots, self._light.loss))
+    def _allowed(self, steps: int, passed: float) -> int:
+        """Return how many steps of the device the limit allows after some time [s]."""
+        light, limit = self._light_and_limit()
+        goal = self.set_to + steps * self._room
+        furthest = furthest_factor(self.set_to, goal, (self._before, light), passed, limit)
+        return int(abs(furthest - self.set_to) / self._room + ROUNDING)
+
+    def _light_and_limit(self) -> tuple[float, ScalarRateLimit]:
+        if self.film is None or self.resting:
+            return self.white, self._of_any
+        return self.film.luminance, self.rate_limit
+
+    def loss_at(self, shares: Array) -> Array:
+        """Return 𝓛_c of the picture at shares of what the user has set, beside that."""
+        kept = 1 - float(np.interp(self.ceiling, self.knots, self._loss))
         if not kept > 0:  # of a ceiling so low that nothing is visible
-            return np.zeros(len(factors))
-        beside = 1 - (1 - np.interp(factors, self._knots, self._light.loss)) / kept
+            return np.zeros(len(shares))
+        beside = 1 - (1 - np.interp(shares * self.ceiling, self.knots, self._loss)) / kept
         return np.asarray(np.clip(beside, 0.0, 1.0))

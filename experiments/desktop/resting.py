@@ -42,17 +42,7 @@ def reasons(
     running: Callable[[], set[str]] = programs,
     mains: Callable[[], bool] = on_mains,
 ) -> Callable[[float], str]:
-    """Return what says why nothing is to be dimmed at a time [s]; empty for no reason.
-
-    Parameters
-    ----------
-    rest_with : sequence of str
-        Programs with which it rests.
-    on_battery : bool
-        Whether it rests on mains power.
-    running, mains : callable, optional
-        What runs, and whether mains power is there.
-    """
+    """Return what says why nothing is to be dimmed at a time [s]: of some programs, one runs; mains power."""
 
     @functools.lru_cache(maxsize=1)
     def looked(_: int) -> str:

@@ -33,13 +33,7 @@ def unit(arguments: list[str]) -> str:
 
 
 def install(text: str) -> None:
-    """Write a unit, and start it now and with each session.
-
-    Raises
-    ------
-    InputError
-        If there is no systemd, or it refuses.
-    """
+    """Write a unit, and start it now and with each session; raise `InputError` where systemd refuses."""
     unit_file().parent.mkdir(parents=True, exist_ok=True)
     write_whole(unit_file(), text.encode())
     _systemctl("daemon-reload")
@@ -47,13 +41,7 @@ def install(text: str) -> None:
 
 
 def uninstall() -> None:
-    """Stop the service and remove its unit.
-
-    Raises
-    ------
-    InputError
-        If there is none, or systemd refuses.
-    """
+    """Stop the service and remove its unit; raise `InputError` where there is none, or systemd refuses."""
     if not unit_file().is_file():
         raise InputError(f"there is no {unit_file()}: nothing is installed")
     _systemctl("disable", "--now", NAME)

@@ -38,21 +38,13 @@ COARSE = 0.01  # step of a backlight at the film's lowest factor, as a share of 
 
 
 def follow_as_asked(options: FollowOptions) -> None:
-    """Follow a film, and say how it went; whatever ends it, the brightness of before comes back.
-
-    Raises
-    ------
-    InputError
-        If video, track, display, rate limit, backlight and player do not go together.
-    InstrumentError
-        If backlight or player fail.
-    """
+    """Follow a film, and say how it went; whatever ends it, the brightness of before comes back."""
     if not hasattr(socket, "AF_UNIX"):
         raise InputError("follow works on Linux and macOS only: it talks to mpv over a Unix socket")
     tell = _nothing if options.quiet else typer.echo
     backlight, curve, display = _hardware(options)
     arguments = _arguments(options)
-    film, rate_limit = _wanted(options, display)
+    film, rate_limit = film_wanted(options, display)
     with ExitStack() as stack:
         player = None
         if options.socket is not None:
@@ -119,7 +111,7 @@ def _arguments(options: FollowOptions) -> list[str]:
         raise InputError(f"--player-arguments: {error}; quote words as a shell takes them") from None
 
 
-def _wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, ScalarRateLimit]:
+def film_wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, ScalarRateLimit]:
     """Return what the track wants, and how fast; refuse one of another video, display or rate limit."""
     if is_url(str(options.video).replace(":/", "://")):  # as a path, it has one slash
         raise InputError("follow plays a file of this computer with mpv: download the video from its URL")

@@ -31,34 +31,18 @@ class FollowedSetting:
     )
 
 
+@dataclass(eq=False)
 class FollowLoop:
-    """A backlight that follows a player.
+    """A backlight that follows a player."""
 
-    Parameters
-    ----------
-    player : MpvPlayer
-        Plays the film.
-    follower : LimitedBacklight
-        Sets the backlight.
-    clock : callable
-        The player's clock [s].
-    tell : callable
-        Is told what happens.
-    keep : callable
-        Is given every setting.
-    """
+    player: MpvPlayer
+    follower: LimitedBacklight
+    clock: Callable[[], float]  # the player's [s]
+    tell: Callable[[str], None]  # is told what happens
+    keep: Callable[[FollowedSetting], None]  # is given every setting
 
-    def __init__(
-        self,
-        player: MpvPlayer,
-        follower: LimitedBacklight,
-        clock: Callable[[], float],
-        tell: Callable[[str], None],
-        keep: Callable[[FollowedSetting], None],
-    ) -> None:
-        self._player, self._follower = player, follower
-        self._clock, self._tell, self._keep = clock, tell, keep
-        self._begun = self._looked = clock()
+    def __post_init__(self) -> None:
+        self._begun = self._looked = self.clock()
         self._jumps, self._away = -1, False
         self._frame: int | None = None
         self._awaited = False  # whether the frame on screen is new, and its factor not yet reached
@@ -78,12 +62,12 @@ class FollowLoop:
         there : callable, optional
             Is called once, when the backlight is first where the film wants it.
         """
-        due, awaited = self._clock(), True
-        while not self._player.ended():
-            due = max(due + self._follower.interval, self._clock())
-            self._player.wait(max(due - self._clock(), 0.0))
+        due, awaited = self.clock(), True
+        while not self.player.ended():
+            due = max(due + self.follower.interval, self.clock())
+            self.player.wait(max(due - self.clock(), 0.0))
             self.follow_once()
-            if awaited and self._frame is not None and self._follower.reached(self._frame):
+            if awaited and self._frame is not None and self.follower.reached(self._frame):
                 awaited = False
                 there()
             self._show(show)
@@ -91,13 +75,13 @@ class FollowLoop:
     def glide_back(self) -> None:
         """Go back to the brightness of before, within the limit."""
         self._say_way("the player has ended: back to the brightness of before (Ctrl-C: at once)", None)
-        while not self._follower.reached(None):
-            self._player.wait(self._follower.interval)
-            self._set(None, None, self._clock())
+        while not self.follower.reached(None):
+            self.player.wait(self.follower.interval)
+            self._set(None, None, self.clock())
 
     def follow_once(self) -> None:
         """Set the backlight for what is on screen now."""
-        now, state = self._clock(), self._player.state
+        now, state = self.clock(), self.player.state
         position = state.position(now)
         if position is not None:
             self._set(state.frame(position), position, now)
@@ -119,39 +103,39 @@ class FollowLoop:
     def _set(self, frame: int | None, position: float | None, now: float) -> None:
         """Take the next step towards what a frame wants, and keep it."""
         if frame != self._frame:
-            self._awaited = frame is not None and self._jumps == self._player.state.jumps
+            self._awaited = frame is not None and self._jumps == self.player.state.jumps
             self._n_new += self._awaited
             self._frame = frame
-        if not self._follower.step(frame, now):
+        if not self.follower.step(frame, now):
             return
-        behind, speed = None, self._player.state.speed()
-        if self._awaited and frame is not None and position is not None and self._follower.reached(frame):
+        behind, speed = None, self.player.state.speed()
+        if self._awaited and frame is not None and position is not None and self.follower.reached(frame):
             self._awaited = False
             if speed > 0:
-                behind = self._clock() - now + (position - float(self._follower.film.times[frame])) / speed
+                behind = self.clock() - now + (position - float(self.follower.film.times[frame])) / speed
                 self.delays.append(behind)
         self._n_settings += 1
         self._last = FollowedSetting(
-            now - self._begun, position, frame, self._follower.wanted(frame), self._follower.factor,
-            self._follower.achieved, behind,
+            now - self._begun, position, frame, self.follower.wanted(frame), self.follower.factor,
+            self.follower.achieved, behind,
         )  # fmt: skip
-        self._keep(self._last)
+        self.keep(self._last)
 
     def _judge(self, now: float) -> None:
         """Count how long the backlight is where the film wants it."""
-        wanted = self._follower.wanted(self._frame)
-        self._off = abs(self._follower.factor - wanted)
+        wanted = self.follower.wanted(self._frame)
+        self._off = abs(self.follower.factor - wanted)
         self._watched += now - self._looked
         self._on_target += (now - self._looked) * (self._off <= ON_TARGET * wanted)
 
     def _say_way(self, words: str, frame: int | None) -> None:
         """Say how long the way to a frame's factor takes, if that is long."""
-        seconds = self._follower.seconds_to(frame, self._player.state.speed())
+        seconds = self.follower.seconds_to(frame, self.player.state.speed())
         if seconds > WORTH_SAYING:
-            self._tell(f"{words}, about {seconds:.0f} s at the rate limit")
+            self.tell(f"{words}, about {seconds:.0f} s at the rate limit")
 
     def _show(self, show: Callable[[str], None]) -> None:
-        now = self._clock()
+        now = self.clock()
         last = self._last
         if last is not None and (self._shown_at is None or now - self._shown_at >= SHOWN_EVERY):
             self._shown_at = now

@@ -90,46 +90,26 @@ def track_rate_limit(track: BrightnessTrack, given: str | None, noticed: float |
     return limit if noticed is None else limit_at_share(limit, noticed)
 
 
+@dataclass(eq=False)
 class LimitedBacklight:
-    """Sets a backlight for the frame on screen.
+    """Sets a backlight for the frame on screen; refuses a film that wants less than its lowest factor."""
 
-    Parameters
-    ----------
-    backlight : Backlight
-        Open; its factors are shares of luminance.
-    film : FilmLight
-        What is wanted of it.
-    rate_limit : function
-        ΔL [cd/m^2/s] of an emitted luminance [cd/m^2].
+    backlight: Backlight  # open; its factors are shares of luminance
+    film: FilmLight  # what is wanted of it
+    rate_limit: ScalarRateLimit  # ΔL [cd/m^2/s] of an emitted luminance [cd/m^2]
 
-    Attributes
-    ----------
-    film : FilmLight
-        What is wanted of it.
-    interval : float
-        Between two settings, at least [s].
-    factor, achieved : float
-        What the backlight was last set to, and what it made of that.
-    found : float
-        The factor that it had before.
-
-    Raises
-    ------
-    InputError
-        If the film wants less than the backlight's lowest factor.
-    """
-
-    def __init__(self, backlight: Backlight, film: FilmLight, rate_limit: ScalarRateLimit) -> None:
-        lowest, dimmest = backlight.smallest_factor(), float(film.factors.min())
-        if dimmest < lowest - backlight.step() / 2:
+    def __post_init__(self) -> None:
+        lowest, dimmest = self.backlight.smallest_factor(), float(self.film.factors.min())
+        if dimmest < lowest - self.backlight.step() / 2:
             raise InputError(
                 f"the track goes down to the factor {dimmest:.3g}, and this backlight, as far as it is "
                 f"known, to {lowest:.3g}: measure its curve further down, or take another backlight"
             )
-        self._backlight, self.film, self._rate_limit, self._lowest = backlight, film, rate_limit, lowest
-        self.interval = max(backlight.min_interval(), SHORTEST)
-        self.found = self.factor = self.achieved = backlight.read_factor()
-        self._luminance, self._changed = film.white, -np.inf
+        self._lowest = lowest
+        self.interval = max(self.backlight.min_interval(), SHORTEST)  # between two settings, at least [s]
+        # what it had before, was last set to, and made of that
+        self.found = self.factor = self.achieved = self.backlight.read_factor()
+        self._luminance, self._changed = self.film.white, -np.inf
         if self.factor < lowest:  # it was off
             self._set(lowest)
 
@@ -178,9 +158,9 @@ class LimitedBacklight:
 
     def _next(self, factor: float, goal: float, luminance: tuple[float, float], passed: float) -> float:
         """Return the factor nearest to a goal that the limit allows after some time [s]."""
-        furthest = furthest_factor(factor, goal, luminance, passed, self._rate_limit)
+        furthest = furthest_factor(factor, goal, luminance, passed, self.rate_limit)
         return min(goal, furthest) if goal > factor else max(goal, furthest)
 
     def _set(self, factor: float) -> None:
-        self.achieved = self._backlight.set_factor(factor)
+        self.achieved = self.backlight.set_factor(factor)
         self.factor = factor

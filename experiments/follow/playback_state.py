@@ -9,6 +9,7 @@ frame.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -24,42 +25,29 @@ OBSERVED = (
 )  # fmt: skip
 
 
+@dataclass(eq=False)
 class PlaybackState:
-    """The film as a player plays it, by mpv's JSON messages.
+    """The film as a player plays it, by mpv's JSON messages."""
 
-    Parameters
-    ----------
-    times : array, (N,)
-        When the frames of the film appear [s].
-    is_film : callable
-        Whether a path, as the player has it, from the player's folder, is the film's: `(path, folder)`.
-    start : float
-        First stamp of the file, where `times` begin; not of all formats is it the player's 0 [s].
+    times: Array  # (N,): when the frames of the film appear [s]
+    is_film: Callable[[str, str], bool]  # whether a path, from the player's folder, is the film's
+    start: float = (
+        0.0  # first stamp of the file, where `times` begin; not of all formats is it the player's 0 [s]
+    )
+    plays_film: bool | None = None  # None before it has said, and between two files
+    playing: str = ""  # what it plays; empty for nothing
+    ended: str = ""  # why the last file ended (`eof`, `quit`, `stop`, `error`), empty while one plays
+    error: str = ""  # what was wrong with that file
+    jumps: int = 0  # how often it went to another position, by a seek or another file
 
-    Attributes
-    ----------
-    plays_film : bool or None
-        Whether the film is what it plays; None before it has said, and between two files.
-    playing : str
-        What it plays; empty for nothing.
-    jumps : int
-        How often it went to another position, by a seek or another file.
-    ended : str
-        Why the last file ended (`eof`, `quit`, `stop`, `error`), empty while one plays.
-    error : str
-        What was wrong with that file.
-    """
-
-    def __init__(self, times: Array, is_film: Callable[[str, str], bool], start: float = 0.0) -> None:
-        self._times, self._is_film, self._start = times, is_film, start
-        self._rebases, self._zero = True, start  # of the player: whether its 0 is a stamp, and which [s]
+    def __post_init__(self) -> None:
+        # of the player: whether its 0 is a stamp, and which [s]
+        self._rebases, self._zero = True, self.start
         self._folder = ""
         self._announced: float | None = None  # the position that the player has named last
         self._anchor = 0.0, 0.0  # a moment, and the position on screen then [s]
         self._speed, self._idle, self._seeking = 1.0, True, False
         self._counting = False  # whether the clock has counted since the last message
-        self.plays_film: bool | None = None
-        self.playing, self.ended, self.error, self.jumps = "", "", "", 0
 
     def take(self, message: dict[str, Any], now: float) -> None:
         """Take a message that came at some time [s]; those of no concern are passed over."""
@@ -89,17 +77,17 @@ class PlaybackState:
 
     def frame(self, position: float) -> int:
         """Return the frame that the film shows at a position [s]."""
-        return max(int(np.searchsorted(self._times, position, side="right")) - 1, 0)
+        return max(int(np.searchsorted(self.times, position, side="right")) - 1, 0)
 
     def _changed(self, name: str, value: Any, now: float) -> None:
         """Take the new value of a property."""
         if name == "time-pos":
             zero = self._zero if self._rebases else 0.0
-            self._hear(None if value is None else float(value) + zero - self._start, now)
+            self._hear(None if value is None else float(value) + zero - self.start, now)
         elif name == "rebase-start-time":
             self._rebases = value is not False
         elif name == "demuxer-start-time":
-            self._zero = self._start if value is None else float(value)
+            self._zero = self.start if value is None else float(value)
         elif name in ("speed", "core-idle"):
             moved = self.position(now)
             if name == "speed":
@@ -116,7 +104,7 @@ class PlaybackState:
             else:
                 self._folder = str(value or "")
             known = self.playing and self._folder
-            self.plays_film = self._is_film(self.playing, self._folder) if known else None
+            self.plays_film = self.is_film(self.playing, self._folder) if known else None
         elif name == "idle-active" and value is True:
             self.plays_film = False
 
@@ -126,9 +114,9 @@ class PlaybackState:
         if announced is None:
             return
         frame = self.frame(announced + STAMP_ROUNDING)
-        shown = self._announced = float(self._times[frame])
+        shown = self._announced = float(self.times[frame])
         if not self._idle:
-            shown = float(self._times[max(frame - 1, 0)])
+            shown = float(self.times[max(frame - 1, 0)])
             if self._counting and 0 < expected - shown < LATE:
                 shown = expected - CORRECTION * (expected - shown)
             self._counting = True

@@ -25,15 +25,7 @@ TRIES, PAUSE = 20, 0.1  # [s] between: the system may take a moment to free a de
 
 
 class BrightnessWatchdog:
-    """Watches over a backlight from before its first setting until `done`.
-
-    Parameters
-    ----------
-    backlight, curve : str
-        The backlight and its measured curve, as those of a rig.
-    found : float
-        The brightness factor that it was found at.
-    """
+    """Watches over a backlight, found at some factor, from before its first setting until `done`."""
 
     def __init__(self, backlight: str, curve: str, found: float) -> None:
         self._process = subprocess.Popen(
@@ -59,17 +51,7 @@ class BrightnessWatchdog:
 def watched_backlight(backlight: str, curve: str) -> Iterator[Backlight]:
     """Yield a backlight, open, that is left as it was found whatever happens to this program.
 
-    Parameters
-    ----------
-    backlight, curve : str
-        As those of a rig; the curve is empty if the backlight is linear in light.
-
-    Raises
-    ------
-    InputError
-        If there is no such backlight or curve.
-    InstrumentError
-        If it does not answer as it should, or cannot be left as it was found.
+    It is named, as its curve, like those of a rig; the curve is empty if the backlight is linear in light.
     """
     with _opened(backlight, curve) as device:
         if is_simulated(backlight):  # nothing is left of it when the program ends
@@ -87,11 +69,6 @@ def kept_backlight(backlight: str, curve: str) -> tuple[Backlight, BrightnessWat
     """Return a backlight, open, and what brings its brightness back when this program ends, however it does.
 
     It is not to be closed, which would bring back what it was found at, whatever its user has set since.
-
-    Raises
-    ------
-    InputError, InstrumentError
-        As `watched_backlight`.
     """
     device = _opened(backlight, curve)
     return device, BrightnessWatchdog(backlight, curve, device.read_factor())
@@ -112,13 +89,7 @@ def _opened(backlight: str, curve: str) -> Backlight:
 
 
 def restore(backlight: str, curve: str, found: float) -> None:
-    """Set a backlight to the factor that it had been found at, and leave it there.
-
-    Raises
-    ------
-    InputError, InstrumentError
-        If it cannot be set.
-    """
+    """Set a backlight to the factor that it had been found at, and leave it there."""
     device = _retried(lambda: _opened(backlight, curve))
     _retried(lambda: device.set_factor(max(found, device.smallest_factor())))
     # It is not closed, which would bring back what the killed program had set.

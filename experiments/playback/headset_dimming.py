@@ -16,48 +16,30 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
-from evenlight.experiments.playback.live_dimming import LiveDimmer, LiveGovernor, ShownPicture
-from evenlight.experiments.playback.loss_meters import LossMeter
+from evenlight.experiments.playback.live_dimming import LiveDimmer, ShownPicture
 from evenlight.experiments.playback.picture_luminance import LateLuminance
-from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement
+from evenlight.method.online.controller import ControllerState, FrameMeasurement
 from evenlight.stimuli.scenes.engine.camera import Edges, EyeView
 
 NEAREST = 1.0  # [m] that the scene is taken to be away, where the view moves
 
 
+@dataclass(eq=False, kw_only=True)
 class HeadsetDimmer(LiveDimmer):
-    """Dims by the controller's answers, within the rate limit for all that the pictures may be.
+    """Dims by the controller's answers, within the rate limit for all that the pictures may be."""
 
-    Parameters
-    ----------
-    controller, meter, factor, refresh_duration, governor
-        As of `LiveDimmer`.
-    light : LateLuminance
-        Of the pictures that the meter measures.
-    display : Display
-        What shows them.
-    """
+    light: LateLuminance  # of the pictures that the meter measures
+    display: Display  # what shows them
 
-    def __init__(
-        self,
-        controller: Controller,
-        meter: LossMeter,
-        factor: float | None,
-        refresh_duration: float,
-        governor: LiveGovernor | None = None,
-        *,
-        light: LateLuminance,
-        display: Display,
-    ) -> None:
-        super().__init__(controller, meter, factor, refresh_duration, governor)
-        self._light, self._display = light, display
+    def __post_init__(self) -> None:
+        super().__post_init__()
         self._views: deque[EyeView] = deque()  # from the last picture whose luminance is known on
         self._pictures: list[ShownPicture] = []  # with their true luminances, as far as these are known
         self._completed = 0
@@ -75,40 +57,40 @@ class HeadsetDimmer(LiveDimmer):
 
     def finish(self) -> None:
         """Put the luminances of the last pictures into the rows; waits for them."""
-        self._light.finish()
+        self.light.finish()
         self._complete()
 
     def _allowed(self, goal: float, now: float) -> float:
         """Return the factor nearest to a goal that the step may lead to, whatever its pictures are."""
-        before, limit = self._shown, self._controller.rate_limit
+        before, limit = self._shown, self.controller.rate_limit
         if before is None:
             return goal
-        while len(self._views) > len(self.rows) + 2 - len(self._light.known):
+        while len(self._views) > len(self.rows) + 2 - len(self.light.known):
             self._views.popleft()
         (low, high), (next_low, next_high) = (self._bounds(self._views[place]) for place in (-2, -1))
         share = min(low / high, next_low / next_high)
-        careful = replace(self._controller, rate_limit=lambda light: min(limit(light), limit(share * light)))
+        careful = replace(self.controller, rate_limit=lambda light: min(limit(light), limit(share * light)))
         passed = self._passed(before, now)
         state = ControllerState(before.factor, 0.0, 0.0, high, passed)
         return careful.towards(state, FrameMeasurement(0.0, next_high, passed), goal)
 
     def _bounds(self, view: EyeView) -> tuple[float, float]:
         """Return between what Ī at factor 1 of a picture must lie [cd/m^2]."""
-        known, peak = self._light.luminance_of(self._light.known[-1]), self._display.peak_luminance
+        known, peak = self.light.luminance_of(self.light.known[-1]), self.display.peak_luminance
         # Where what is seen is in one piece along each row and column, no more passes its edges, or is
         # stretched in it, than in the whole picture; but the mean is over fewer pixels.
-        change = largest_change(self._views[0], view) * peak / self._light.seen_share
-        return max(known - change, self._display.black_level), min(known + change, peak)
+        change = largest_change(self._views[0], view) * peak / self.light.seen_share
+        return max(known - change, self.display.black_level), min(known + change, peak)
 
     def _complete(self) -> None:
         """Put what was true into the rows of pictures whose luminance has become known."""
-        for k in range(self._completed, min(len(self._pictures), len(self._light.known))):
-            means = self._light.known[k]
-            slope = 0.0 if self._governor is None else self._governor.slope_of(means)
-            now = replace(self._pictures[k], luminance=self._light.luminance_of(means), slope=slope)
+        for k in range(self._completed, min(len(self._pictures), len(self.light.known))):
+            means = self.light.known[k]
+            slope = 0.0 if self.governor is None else self.governor.slope_of(means)
+            now = replace(self._pictures[k], luminance=self.light.luminance_of(means), slope=slope)
             row = replace(self.rows[k], mean_luminance=now.luminance)
-            if self._governor is not None:
-                used, full = (self._governor.power_at(factor, slope) for factor in (now.factor, 1.0))
+            if self.governor is not None:
+                used, full = (self.governor.power_at(factor, slope) for factor in (now.factor, 1.0))
                 row = replace(row, power=used, full_power=full)
             if k > 0:
                 rate, limit = self._rate(self._pictures[k - 1], now)

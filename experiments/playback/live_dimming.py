@@ -71,35 +71,20 @@ class ShownPicture:
     slope: float
 
 
+@dataclass(eq=False)
 class LiveDimmer:
-    """Dims by the controller's answers to what a meter measures.
+    """Dims by the controller's answers to what a meter measures."""
 
-    Parameters
-    ----------
-    controller : Controller
-        Target, gains, bounds and rate limit.
-    meter : LossMeter
-        Measures the pictures shown.
-    factor : float or None
-        To begin with; None: that at which the first picture meets the governor's budget.
-    refresh_duration : float
-        How long a refresh lasts at least [s].
-    governor : LiveGovernor, optional
-        What moves the target.
-    """
+    controller: Controller  # target, gains, bounds and rate limit
+    meter: LossMeter  # measures the pictures shown
+    begins_with: float | None  # factor; None: that at which the first picture meets the governor's budget
+    duration: float  # of a refresh, at least [s]
+    governor: LiveGovernor | None = None  # what moves the target
 
-    def __init__(
-        self,
-        controller: Controller,
-        meter: LossMeter,
-        factor: float | None,
-        refresh_duration: float,
-        governor: LiveGovernor | None = None,
-    ) -> None:
-        self._controller, self._meter, self._duration = controller, meter, refresh_duration
-        self._governor, self._slope = governor, 0.0
-        self._begins_by_budget = factor is None and governor is not None
-        factor = controller.settings.highest_factor if factor is None else factor
+    def __post_init__(self) -> None:
+        self._slope = 0.0
+        self._begins_by_budget = self.begins_with is None and self.governor is not None
+        factor = self.controller.settings.highest_factor if self.begins_with is None else self.begins_with
         self._way = _FactorPath(0.0, 0.0, factor, factor)
         self._state: ControllerState | None = None
         self._answered = self._shown_at = self._due = 0.0
@@ -120,18 +105,18 @@ class LiveDimmer:
             of the call. Later than at any earlier call.
         """
         self._shown_at, self._due = self._due, now
-        self._luminance = self._meter.mean_luminance()
-        if self._governor is not None:
-            self._slope = self._governor.slope_of(self._meter.channel_means())
+        self._luminance = self.meter.mean_luminance()
+        if self.governor is not None:
+            self._slope = self.governor.slope_of(self.meter.channel_means())
             if self._shown is None and self._begins_by_budget:
-                first = self._governor.first_factor(self._slope)
+                first = self.governor.first_factor(self._slope)
                 self._way = _FactorPath(0.0, 0.0, first, first)
-        loss = self._meter.result()
+        loss = self.meter.result()
         if loss is not None and self._asked is not None:
             self._known = self._asked, loss
             self._answer(loss, now)
         self.factor = self._allowed(self._way.at(now), now)
-        if self._meter.begin(self._way.last):
+        if self.meter.begin(self._way.last):
             self._asked = _PendingMeasurement(len(self.rows), self._way.last)
         return self.factor
 
@@ -140,10 +125,10 @@ class LiveDimmer:
         now = ShownPicture(self.factor, self._luminance, flip_time, self._slope)
         row = LiveRefresh(
             len(self.rows), flip_time, now.factor, mean_luminance=now.luminance,
-            target_loss=self._controller.settings.target_loss,
+            target_loss=self.controller.settings.target_loss,
         )  # fmt: skip
-        if self._governor is not None:
-            row = self._governed(row, self._governor, now)
+        if self.governor is not None:
+            row = self._governed(row, self.governor, now)
         if self._shown is not None:
             rate, limit = self._rate(self._shown, now)
             row = replace(row, rate=rate, rate_limit=limit)
@@ -167,19 +152,19 @@ class LiveDimmer:
 
     def _answer(self, loss: float, now: float) -> None:
         """Set out for the factor that the controller wants by the time of its next answer."""
-        frame, governor = FrameMeasurement(loss, self._luminance, self._duration), self._governor
+        frame, governor = FrameMeasurement(loss, self._luminance, self.duration), self.governor
         if self._state is None:
             if governor is not None:
                 target = governor.begin(self.factor, loss)
-                settings = replace(self._controller.settings, target_loss=target)
-                self._controller = replace(self._controller, settings=settings)
-            self._state, self._answered = self._controller.start(self.factor, frame), now
+                settings = replace(self.controller.settings, target_loss=target)
+                self.controller = replace(self.controller, settings=settings)
+            self._state, self._answered = self.controller.start(self.factor, frame), now
             return
-        passed = min(max(now - self._answered, self._duration), LONGEST)
+        passed = min(max(now - self._answered, self.duration), LONGEST)
         # The steps will be made at the luminance that is seen now, not at that of the last answer.
         state = replace(self._state, factor=self.factor, luminance=frame.luminance, duration=passed)
         aim = None if governor is None else governor.aim(self._state, self.factor, loss)
-        self._state, self._answered = self._controller.step(state, frame, aim), now
+        self._state, self._answered = self.controller.step(state, frame, aim), now
         self._way = _FactorPath(self._shown_at, self._shown_at + passed, self.factor, self._state.factor)
 
     def _allowed(self, goal: float, now: float) -> float:
@@ -189,25 +174,25 @@ class LiveDimmer:
             return goal
         passed = self._passed(before, now)
         state = ControllerState(before.factor, 0.0, 0.0, before.luminance, passed)
-        return self._controller.towards(state, FrameMeasurement(0.0, self._luminance, passed), goal)
+        return self.controller.towards(state, FrameMeasurement(0.0, self._luminance, passed), goal)
 
     def _passed(self, before: ShownPicture, now: float) -> float:
         """Return the time that a step is sure to have, from the picture before to one that is due now [s].
 
         The picture cannot appear before the moment of the call, nor before the last one's refresh is over.
         """
-        return min(max(now - self._duration - before.flip_time, self._duration), LONGEST)
+        return min(max(now - self.duration - before.flip_time, self.duration), LONGEST)
 
     def _rate(self, before: ShownPicture, now: ShownPicture) -> tuple[float, float]:
         passed = now.flip_time - before.flip_time
-        if passed > self._duration - JITTER:
-            passed = max(passed, self._duration)
+        if passed > self.duration - JITTER:
+            passed = max(passed, self.duration)
         rate = (now.factor - before.factor) * (now.luminance + before.luminance) / 2 / max(passed, JITTER)
-        return rate, min(self._controller.rate_limit(one.factor * one.luminance) for one in (before, now))
+        return rate, min(self.controller.rate_limit(one.factor * one.luminance) for one in (before, now))
 
     def close(self) -> None:
         """Let go of the meter."""
-        self._meter.close()
+        self.meter.close()
 
 
 @dataclass(frozen=True, slots=True)
@@ -236,47 +221,35 @@ class _UncountedPicture:
     excess: BudgetExcess
 
 
+@dataclass(eq=False)
 class LiveGovernor:
-    """Moves the target of a live controller so that a budget is met over its horizon.
+    """Moves the target of a live controller so that a budget is met over its horizon."""
 
-    Parameters
-    ----------
-    budget : LiveBudget
-        The budget.
-    controller : Controller
-        For the bounds of its factor.
-    target : float or None
-        c_r to begin with; None: the first loss that is measured.
+    budget: LiveBudget
+    controller: Controller  # for the bounds of its factor
+    target: float | None  # c_r now; None, before the first: the first loss that is measured
+    held: bool = False  # whether a bound keeps the factor from where the budget would have it
 
-    Attributes
-    ----------
-    target : float or None
-        Where it is now; None before the first.
-    held : bool
-        Whether a bound kept the factor from where the budget would have it, at the last answer.
-    """
-
-    def __init__(self, budget: LiveBudget, controller: Controller, target: float | None) -> None:
-        self._budget, self._bounds = budget, controller.settings
-        self._governor = governor_of(controller, budget.settings)
-        self._costs = ContentCosts(budget.settings, budget.model)
+    def __post_init__(self) -> None:
+        self._bounds = self.controller.settings
+        self._governor = governor_of(self.controller, self.budget.settings)
+        self._costs = ContentCosts(self.budget.settings, self.budget.model)
         self._state: GovernorState | None = None
         self._since: list[_UncountedPicture] = []
-        self.target, self.held = target, False
 
     def slope_of(self, channel_means: Array) -> float:
         """Return what a factor of 1 adds to the power of a picture [W]."""
-        return float(power_per_factor(self._budget.model, channel_means[None])[0])
+        return float(power_per_factor(self.budget.model, channel_means[None])[0])
 
     def power_at(self, factor: float, slope: float) -> float | None:
         """Return the power of a picture [W]; None for a budget in factors, which is about none."""
-        model, unit = self._budget.model, self._budget.settings.budget_unit
+        model, unit = self.budget.model, self.budget.settings.budget_unit
         return None if model is None or unit is BudgetUnit.FACTOR else model.base_power + slope * factor
 
     def first_factor(self, slope: float) -> float:
         """Return the factor at which the first picture meets the budget, within the bounds."""
         bounds = self._bounds.lowest_factor, self._bounds.highest_factor
-        return first_factor(self._budget.settings, self._budget.model, slope, bounds)
+        return first_factor(self.budget.settings, self.budget.model, slope, bounds)
 
     def begin(self, factor: float, loss: float) -> float:
         """Return the target to begin with, at the first loss that is measured."""
@@ -323,7 +296,7 @@ class LiveGovernor:
         last = self._since[-1].excess
         # As for one picture in `ContentCosts`: the answer to what all of them used at once never leads beyond
         # the factor at which they would be allowed.
-        share = seconds / time_constant(self._budget.settings.horizon, seconds)
+        share = seconds / time_constant(self.budget.settings.horizon, seconds)
         return BudgetExcess(
             at_once=mean(one.excess.at_once for one in self._since),
             over_horizon=mean(one.excess.over_horizon for one in self._since),

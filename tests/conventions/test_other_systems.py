@@ -42,6 +42,7 @@ GUARDED = {
     "hardware/presentation/openxr_runtime.py": {"CLOCK_MONOTONIC": 1, "clock_gettime_ns": 1},
     "experiments/desktop/live_desktop.py": {"SIGUSR1": 1},  # sys.platform: refused on Windows
     "experiments/desktop/live_state.py": {"SIGUSR1": 1},  # the same
+    "experiments/desktop/film_tracks.py": {"AF_UNIX": 1},  # the same
     "experiments/follow/mpv_player.py": {"AF_UNIX": 1},  # hasattr, in follow_film.py
     "method/choices.py": {"sched_getaffinity": 1},  # hasattr
     "evenlight/command.py": {"SIGHUP": 1},  # hasattr

@@ -150,7 +150,7 @@ def test_what_the_lenses_hide_may_change_in_the_midst(walk_in, tmp_path: Path, m
     )
     walk = walk_in(HeadsetScript(), 0.5, LiveOptions(0.02), out=tmp_path / "live", factor=0.8)
     assert next(calls) > 50
-    assert walk.dimmer._light.seen_share == pytest.approx(walk.pictures.seen.mean())
+    assert walk.dimmer.light.seen_share == pytest.approx(walk.pictures.seen.mean())
     assert walk.pictures.seen.mean() == pytest.approx(5 / 6, abs=0.05)
 
 
@@ -169,7 +169,7 @@ def test_no_step_is_faster_than_the_rate_limit_though_luminance_is_known_late(
     seen_columns = (columns < 0.7) | (not hidden)
 
     def seen(dimmer: LiveDimmer, now: float) -> float:
-        pictures: SceneRenderer = dimmer._light._pictures  # type: ignore[attr-defined] # of a headset
+        pictures: SceneRenderer = dimmer.light._pictures  # type: ignore[attr-defined] # of a headset
         pixels = pictures.pixel_values()[:, seen_columns]
         true.append(float(emitted_luminance(pixels, DISPLAY).mean()))
         return next_factor(dimmer, now)

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -16,9 +17,16 @@ from stepped_panel import PROGRAM, SteppedPanel
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
-from evenlight.experiments.desktop import live_desktop, live_state, resting, screens, user_service
+from evenlight.experiments.desktop import live_loop, live_state, resting, screens, user_service
 from evenlight.experiments.desktop.live_loop import LiveLoop, Monitor
-from evenlight.experiments.desktop.live_state import LiveState, MonitorState, only_one, running, write_state
+from evenlight.experiments.desktop.live_state import (
+    DayTotal,
+    LiveState,
+    MonitorState,
+    only_one,
+    running,
+    write_state,
+)
 from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer
 from evenlight.experiments.desktop.screens import WatchedScreen
 from evenlight.hardware.protocols import InstrumentError
@@ -27,39 +35,53 @@ from evenlight.method.preset_files import load_display
 
 DISPLAY, KNOTS = load_display("laptop-lcd"), brightness_factors(0.05)
 WIDE, HIGH = 64, 48
+BORROWED = ["--backlight", "sysfs:none_such", "--display", "laptop-lcd", "--other-display-ok"]
+STATE = LiveState(
+    os.getpid(),
+    DayTotal("2026-11-29", 7200.0, 4320.0, 0.0, 72.0),
+    saves=False,
+    monitors=(MonitorState("sysfs:panel", 0.9, 0.5, 0.031, "rests: paused"),),
+)
 
 
 class Grabber:
     """A screen of noise that is shown anew when told; BGRX, as systems have it."""
 
     def __init__(self) -> None:
-        self.monitors = [{}, {"left": 0, "top": 0, "width": WIDE, "height": HIGH}]
         self.rng, self.gone = np.random.default_rng(1), False
+        self.resize(WIDE, HIGH)
+
+    def resize(self, width: int, height: int) -> None:
+        self.monitors: list[dict[str, int]] = [{}, {"left": 0, "top": 0, "width": width, "height": height}]
         self.change()
 
     def change(self) -> None:
-        self.pixels = self.rng.integers(0, 256, (HIGH, WIDE, 4), dtype=np.uint8)
+        size = self.monitors[1]["height"], self.monitors[1]["width"], 4
+        self.pixels = self.rng.integers(0, 256, size, dtype=np.uint8)
 
     def grab(self, area: dict[str, int]) -> Any:
         assert area == self.monitors[1]
         if self.gone:
             raise OSError("connection\nlost")
-        return SimpleNamespace(raw=bytearray(self.pixels.tobytes()), width=WIDE, height=HIGH)
+        high, wide, _ = self.pixels.shape
+        return SimpleNamespace(raw=bytearray(self.pixels.tobytes()), width=wide, height=high)
 
 
 class Desktop:
     """A loop on a clock of its own."""
 
-    def __init__(self) -> None:
+    def __init__(self, today: DayTotal | None = None) -> None:
         self.now, self.said, self.kept, self.why = 0.0, list[str](), list[LiveState](), ""
         self.grabber = Grabber()
         self.screen = WatchedScreen(self.grabber, 1, DISPLAY, DEFAULT_MODEL, KNOTS)
         self.backlight = SteppedPanel()
         self.brought_back: list[float] = []
-        dimmer = MonitorDimmer(self.backlight, lambda light: 50.0, KNOTS, 0.05, 0.3)
+        white = DISPLAY.peak_luminance
+        dimmer = MonitorDimmer(self.backlight, self.clock, lambda _: 50.0, white, KNOTS, 0.05, 0.3)
         monitor = Monitor("panel", self.screen, dimmer, self.brought_back.append)
         tell, keep = self.said.append, self.kept.append
         self.loop = LiveLoop([monitor], self.clock, self.wait, lambda now: self.why, tell, keep, 2.0)
+        self.loop.today = today or self.loop.today
 
     def clock(self) -> float:
         return self.now
@@ -87,20 +109,35 @@ def test_a_picture_is_analysed_once_and_as_any_frame_is() -> None:
 
 
 def test_the_next_analysis_waits_for_the_work_of_the_last(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Half a second of work at 5 % of a core: ten seconds, in which its light is known at once."""
+    """Half a second of work at 5 % of a core: ten seconds."""
     desk, work = Desktop(), iter([0.0, 0.5, 0.5, 0.5])
     monkeypatch.setattr(screens.time, "process_time", lambda: next(work))
-    noise, before = desk.grabber.pixels, desk.screen.look(0.0)
-    desk.grabber.pixels = np.full_like(noise, 255)
-    early = desk.screen.look(9.9)
+    before = desk.screen.look(0.0)
+    desk.grabber.pixels = np.full_like(desk.grabber.pixels, 255)
+    assert desk.screen.look(9.9) is before
     assert desk.screen.analyses == 1
-    assert early.loss is before.loss
-    assert early.luminance == pytest.approx(DISPLAY.peak_luminance)
-    desk.grabber.pixels = noise
-    assert desk.screen.look(9.95) is before
-    desk.grabber.pixels = np.full_like(noise, 255)
-    assert not desk.screen.look(10.1).loss.any()  # white has nothing to lose
+    seen = desk.screen.look(10.1)
+    assert seen is not None
+    assert not seen.loss.any()  # white has nothing to lose
     assert desk.screen.analyses == 2
+
+
+def test_a_monitor_may_change_its_size_go_and_come_back() -> None:
+    """Its user's brightness comes back while it is away."""
+    desk = Desktop()
+    desk.run(5.0)
+    assert desk.backlight.read_factor() < 0.95
+    desk.grabber.resize(32, 24)
+    desk.run(1.0)
+    assert desk.screen.size == (32, 24)
+    away = [desk.grabber.monitors.pop()]
+    desk.run(20.0)
+    assert desk.said == ["panel rests: its monitor is not there"]
+    assert desk.backlight.read_factor() == 1.0
+    desk.grabber.monitors += away
+    desk.run(5.0)
+    assert desk.said[1:] == ["panel is dimmed again"]
+    assert desk.backlight.read_factor() < 0.95
 
 
 def test_it_dims_rests_and_tells_what_its_user_has_set() -> None:
@@ -111,15 +148,15 @@ def test_it_dims_rests_and_tells_what_its_user_has_set() -> None:
     desk.why = "gimp runs"
     desk.run(5.0)
     assert desk.backlight.read_factor() == 1.0
-    assert desk.said == ["resting: gimp runs"]
+    assert desk.said == ["panel rests: gimp runs"]
     desk.why = ""
     desk.run(5.0)
-    assert desk.backlight.read_factor() == pytest.approx(dimmed)
+    assert desk.backlight.read_factor() == pytest.approx(dimmed, abs=2e-3)
     desk.loop.paused = True
     desk.run(5.0)
     desk.backlight.set_factor(0.5)
     desk.run(1.0)
-    assert desk.said[1:] == ["dimming again", "resting: paused", "panel was set to 50%: kept"]
+    assert desk.said[1:] == ["panel is dimmed again", "panel rests: paused", "panel was set to 50%: kept"]
     assert desk.brought_back == [pytest.approx(0.5, abs=0.01)]
 
 
@@ -127,22 +164,35 @@ def test_what_was_saved_is_that_of_the_factors_over_time() -> None:
     """2 W at full backlight: the mean below what the user has set, times hours."""
     desk = Desktop()
     desk.run(20.0)
-    state = desk.loop.state(desk.now)
-    hours = desk.loop._counted / 3600
-    assert state.saved_wh == pytest.approx(2.0 * (1 - state.mean_factor) * hours, rel=1e-6)
+    today = desk.loop.state().today
+    assert today.seconds == pytest.approx(20.0, abs=0.3)
+    assert today.saved_wh == pytest.approx(2.0 * (today.seconds - today.dimmed) / 3600)
+    assert today.dimmed < 0.95 * today.seconds
     assert 8 <= len(desk.kept) <= 11  # every two seconds
-    words = live_desktop.summary(state)
-    assert "loses" in words
-    assert "Wh (assumed: 5 W for a busy core)" in words
-    lazy = LiveState(1, 3600.0, 1.0, 0.0, 36.0, state.monitors)
-    assert live_desktop.summary(lazy).endswith("it is not worth it here")
+
+
+def test_today_counts_on_when_it_is_started_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    today = DayTotal(live_state.day(), 3600.0, 1800.0, 0.5, 36.0)
+    write_state(replace(STATE, today=today))
+    assert DayTotal.kept() == today
+    live_state.state_file().unlink()  # another session of the same day
+    assert DayTotal.kept() == today
+    desk = Desktop(DayTotal.kept())
+    desk.run(10.0)
+    assert desk.loop.state().today.seconds == pytest.approx(3610.0, abs=0.3)
+    monkeypatch.setattr(live_loop, "day", lambda: "2030-01-01")
+    desk.run(1.0)
+    assert desk.loop.state().today.seconds <= 1.0
 
 
 def test_no_picture_leaves_the_process(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Nothing but the state is opened to be written, and no run of the picture's bytes stands in it."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     desk, opened, watching = Desktop(), list[str](), [True]
-    desk.loop._keep = write_state
+    desk.loop.keep = write_state
 
     def audit(event: str, given: tuple[Any, ...]) -> None:
         if (
@@ -160,36 +210,42 @@ def test_no_picture_leaves_the_process(tmp_path: Path, monkeypatch: pytest.Monke
         desk.run(1.0)
     watching[0] = False
     assert opened
-    assert {Path(name).parent for name in opened} == {tmp_path}
-    written = b"".join(path.read_bytes() for path in tmp_path.iterdir())
-    assert len(written) < 1000
+    assert {Path(name).parent for name in opened} == {tmp_path, tmp_path / "evenlight"}
+    written = b"".join(path.read_bytes() for path in tmp_path.rglob("*") if path.is_file())
+    assert len(written) < 2000
     assert desk.grabber.pixels.tobytes()[:8] not in written
 
 
 def test_a_screen_that_goes_is_told_in_a_line() -> None:
     desk = Desktop()
     desk.grabber.gone = True
-    with pytest.raises(InstrumentError, match=r"^the screen cannot be looked at any more: connection lost$"):
+    with pytest.raises(InstrumentError, match=r"^the screen cannot be looked at: connection lost$"):
         desk.run(1.0)
 
 
 def test_the_state_is_found_while_its_program_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     with pytest.raises(InputError, match="live does not run"):
         running()
-    one = MonitorState("sysfs:panel", 0.9, 0.5, 0.031, "paused")
-    state = LiveState(os.getpid(), 7200.0, 0.6, None, 72.0, (one,))
     lock = only_one()
     with pytest.raises(InputError, match="live does not run"):  # so far it has looked at nothing
         running()
-    write_state(state)
-    assert running() == state
+    write_state(STATE)
+    assert running() == STATE
     with pytest.raises(InstrumentError, match="evenlight live: is in use by this program already"):
         only_one()
-    assert state.in_words().splitlines() == [
-        "sysfs:panel: factor 0.50 of the brightness set (90%), loses 3.1% of its visible contrast; resting: "
-        "paused",
-        "2.0 h, savings unknown: no power model, mean factor 0.60; 1.0% of one core",
+    assert STATE.in_words().splitlines() == [
+        "sysfs:panel: factor 0.50 of the brightness set (90%), rests: paused",
+        "today, in 2.0 h: savings unknown (no power model), mean factor 0.60",
+        "its own work: 1.0% of one core, about 0.1 Wh at 5 W",
+    ]
+    poor = replace(STATE, saves=True, today=replace(STATE.today, saved_wh=0.09), measured_w=8.5)
+    assert poor.in_words().splitlines()[1:] == [
+        "today, in 2.0 h: 0.09 Wh saved, mean factor 0.60",
+        "its own work: 1.0% of one core, about 0.1 Wh at 5 W",
+        "measured: 8.50 W on average (0.04 W are saved, by the model)",
+        "that is no less than it saved: it is not worth it here",
     ]
     sent: list[tuple[int, int]] = []
     monkeypatch.setattr(live_state.os, "kill", lambda *given: sent.append(given))
@@ -198,7 +254,7 @@ def test_the_state_is_found_while_its_program_runs(tmp_path: Path, monkeypatch: 
     (tmp_path / "evenlight-live.json").write_text('{"pid": "x"')
     with pytest.raises(InputError, match="live does not run"):
         running()
-    write_state(state)
+    write_state(STATE)
     lock.release()  # its number is that of a process that runs, and no longer one of ours
     with pytest.raises(InputError, match="live does not run"):
         live_state.toggle_pause()
@@ -262,6 +318,8 @@ def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, c
     [
         ([], "live needs --backlight"),
         (["--install"], "live needs --backlight"),
+        ([*BORROWED, "--budget", "0.2"], "asks for the factor 0.20 on average, and the lowest is 0.3"),
+        (["--target-loss", "0.1", "--budget", "0.5"], "not both"),
         (["--target-loss", "2"], "--target-loss must lie in 0 to 1, got 2"),
         (["--backlight", "sysfs:none_such", "--display", "laptop-lcd"], "fitted on"),
         (["--status"], "live does not run"),
