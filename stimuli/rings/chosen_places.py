@@ -1,8 +1,10 @@
 """Where rings are put: places around a keypoint that lie on a surface and are evenly lit.
 
-Decision (docs/decisions/landolt-rings.md): places are drawn at random among the directions that are far
-enough from the first view, and near enough. Of those that suit a ring, the two most alike in luminance are
-taken, and for practice a third.
+Decision (docs/decisions/landolt-rings.md): a place is drawn at random among the directions that are far
+enough from the first view, and near enough. It counts if a ring there, with all that its contrast is measured
+against, lies on one surface that does not shine itself, and if that is evenly bright. Of those found, the
+two are taken that are most alike in luminance. A third is for practice: one that suits the larger ring of
+practice as well, away from both, and as much like them in luminance as there is.
 """
 
 from __future__ import annotations
@@ -177,21 +179,29 @@ def _suitable(
 
 
 def _three(places: list[RingPlace], roomy: list[RingPlace]) -> Three | None:
-    """Return the two places most alike in luminance that are far enough apart, and one for practice."""
+    pair = _pair(places, APART)
+    if pair is None:
+        return None
+    near = math.cos(math.radians(PRACTICE_APART))
+    level = math.log(pair[0].luminance)
+    third = min(
+        (place for place in roomy if all(_towards(place) @ _towards(other) <= near for other in pair)),
+        key=lambda place: abs(math.log(place.luminance) - level),
+        default=None,
+    )
+    return None if third is None else (*pair, third)
+
+
+def _pair(places: list[RingPlace], apart: float) -> tuple[RingPlace, RingPlace] | None:
+    """Return the two places most alike in luminance that are far enough apart; None if there are none."""
     if not places:
         return None
     towards = np.array([_towards(place) for place in places])
     brightness = np.log([place.luminance for place in places])
     unlike = np.abs(brightness[:, np.newaxis] - brightness)
-    unlike[towards @ towards.T > math.cos(math.radians(APART))] = np.inf
+    unlike[towards @ towards.T > math.cos(math.radians(apart))] = np.inf
     first, second = np.unravel_index(np.argmin(unlike), unlike.shape)
-    pair, near = (places[first], places[second]), math.cos(math.radians(PRACTICE_APART))
-    third = min(
-        (place for place in roomy if all(_towards(place) @ _towards(other) <= near for other in pair)),
-        key=lambda place: abs(math.log(place.luminance) - brightness[first]),
-        default=None,
-    )
-    return None if third is None or unlike[first, second] == np.inf else (*pair, third)
+    return (places[first], places[second]) if unlike[first, second] < np.inf else None
 
 
 def _towards(place: RingPlace) -> Floats:

@@ -18,6 +18,9 @@ centroid in vec3 at_light;
 in vec4 share;
 in vec4 fine;
 out vec4 colour;
+#ifdef SHINY
+#include "reflected.glsl"
+#endif
 
 void main() {
 #ifdef SHARPER
@@ -44,18 +47,18 @@ void main() {
         paint.rgb *= vec3(1.0, 1.0, 0.7);
     }
 #endif
+    vec3 sunlight = vec3(0.0);
     if (towards > 0.0) {
         vec3 p = where_ + n * (1.5 * shadow_texel * sqrt(1.0 - towards * towards) + 0.004);
         vec4 q = to_shadow * vec4(p, 1.0);
-        arriving += sun * (towards * texture(shadow, q.xyz));
+        float unhidden = texture(shadow, q.xyz);
+        arriving += sun * (towards * unhidden);
+        sunlight = sun * unhidden;
     }
     vec3 seen = paint.rgb * share.rgb * arriving;
-    if (share.a > 0.0) {
-        // A gloss reflects some of the light around it, more at grazing angles (Schlick 1994).
-        float grazing = 1.0 - abs(dot(n, normalize(eye - where_)));
-        float squared = grazing * grazing;
-        seen += arriving * share.a * (0.04 + 0.6 * squared * squared * grazing);
-    }
+#ifdef SHINY
+    seen = with_reflection(seen, paint.rgb * share.rgb, share.a, n, arriving, sunlight);
+#endif
 #ifdef BLENDED
     colour = vec4(min(seen, brightest), paint.a);
 #else

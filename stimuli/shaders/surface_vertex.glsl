@@ -2,7 +2,7 @@
 uniform mat4 view;
 uniform mat3 placing;  // of the picture where it is drawn
 in vec3 position;
-in vec3 normal;
+in vec4 normal;  // and the number of the room
 in vec2 uv;
 in vec2 detail_at;
 in vec2 light_at;
@@ -16,16 +16,31 @@ out vec3 at;
 centroid out vec3 at_light;
 out vec4 share;  // of the albedo texture; gloss
 out vec4 fine;   // place and layer of the detail; its strength
-uniform sampler2D materials;  // a row each: scale of the albedo and gloss; layer and strength of the detail, layer of the albedo
+// A row each: scale of the albedo and gloss; layer and strength of the detail, layer of the albedo, metal.
+uniform sampler2D materials;
+#ifdef SHINY
+uniform sampler2D rooms;  // a row each: where it is seen from, corners of its box [m]
+flat out vec4 room;
+flat out vec3 low;
+flat out vec3 high;
+flat out float metal;
+#endif
 void main() {
     where_ = position;
-    facing = normal;
+    facing = normal.xyz;
     vec4 second = texelFetch(materials, ivec2(1, int(material)), 0);
     at = vec3(uv, second.z);
-    float one = dot(normal, normal);  // not a constant, which a compiler would not interpolate
+    float one = dot(normal.xyz, normal.xyz);  // not a constant, which a compiler would not interpolate
     at_light = vec3(light_at, 1.0) * one;
     share = texelFetch(materials, ivec2(0, int(material)), 0) * vec4(tint, 1.0);
     fine = vec4(detail_at, second.xy);
+#ifdef SHINY
+    int number = int(normal.w);
+    room = vec4(texelFetch(rooms, ivec2(0, number), 0).xyz, normal.w);
+    low = texelFetch(rooms, ivec2(1, number), 0).xyz;
+    high = texelFetch(rooms, ivec2(2, number), 0).xyz;
+    metal = second.w;
+#endif
     vec4 seen = view * vec4(position, 1.0);
     vec3 placed = placing * seen.xyw;
     gl_Position = vec4(placed.xy, seen.z, seen.w);

@@ -170,7 +170,19 @@ def test_specular_glossiness_is_its_diffuse_colour_less_what_is_reflected(tmp_pa
     scene = read(tmp_path, glb)
     np.testing.assert_allclose(scene.patches.tint[0], [0.4, 0.2, 0.1])
     assert scene.materials[scene.patches.material[0]].gloss == 0.3
-    assert [one.feature for one in scene.unlike] == ["specular colour (drawn matt)"]
+    assert [one.feature for one in scene.unlike] == ["specular colour (reflects as plastics do)"]
+
+
+def test_metal_and_roughness_of_a_texture_are_their_means(tmp_path):
+    """Half of the texture has (roughness, metal) of (1, 1), half of (0.2, 0), in green and blue."""
+    glb = room()
+    glb.add_texture(FLOOR, image_bytes(np.array([[[0, 255, 255], [0, 51, 0]]] * 2, np.uint8)))
+    paint = glb.header["materials"][FLOOR]["pbrMetallicRoughness"]
+    paint |= {"metallicFactor": 0.8, "metallicRoughnessTexture": paint.pop("baseColorTexture")}
+    scene = read(tmp_path, glb)
+    material = scene.materials[scene.patches.material[0]]
+    assert (material.gloss, material.metal) == (0.4, 0.4)
+    assert scene.unlike[0].feature == "metal and roughness of a texture (their means)"
 
 
 def test_an_image_in_webp_is_read_before_the_one_for_others(tmp_path):
@@ -189,12 +201,13 @@ def test_an_image_in_webp_is_read_before_the_one_for_others(tmp_path):
 def test_a_surface_that_is_half_there_shows_half_of_what_is_behind(tmp_path, context):
     """Red of 0.8 and an opacity of 0.25 over white: 1 - 0.25 + 0.25 x 0.8 in red, 0.75 else; two of them."""
     glb = matt_room()
-    half = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0, 0, 0.25]}}
+    paint = {"baseColorFactor": [0.8, 0, 0, 0.25], "metallicFactor": 0}
+    half = {"alphaMode": "BLEND", "pbrMetallicRoughness": paint}
     above(glb, 0.1, 4, half)
     np.testing.assert_allclose(
         seen(context, read(tmp_path, glb))[8, 8], ABOVE * np.array([0.95, 0.75, 0.75]), rtol=0.01
     )
-    green = {"alphaMode": "BLEND", "pbrMetallicRoughness": {"baseColorFactor": [0, 1, 0, 0.5]}}
+    green = {"alphaMode": "BLEND", "pbrMetallicRoughness": paint | {"baseColorFactor": [0, 1, 0, 0.5]}}
     above(glb, 0.05, 4, green)  # seen through the first, although it comes after it
     above(glb, 0.2, 4, {"extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}})  # clear
     twice = seen(context, read(tmp_path, glb))[8, 8]
@@ -274,11 +287,10 @@ def test_what_is_not_as_in_the_file_is_listed_once_with_its_share_of_the_view(tm
     glb.header["animations"] = [{"channels": [{"target": {"node": 0, "path": "rotation"}}]}]
     lines = words_of_differences(read(tmp_path, glb), straight_down(4.0), 90.0)
     shares = [float(line.partition("%")[0]) for line in lines]
-    assert shares == pytest.approx([100 * 16 / 36] * 4 + [0], abs=1)
+    assert shares == pytest.approx([100 * 16 / 36] * 3 + [0], abs=1)
     assert [line.partition("view: ")[2] for line in lines] == [
         "animation (stands still): floor",
         "holes in one side (seen from both): tiles on floor",
-        "metal (drawn matt): tiles on floor",
         "normal map (drawn smooth): tiles on floor",
         "base colour of a lamp (only its light): material 1 on mesh 1",
     ]
@@ -297,15 +309,19 @@ def test_nothing_is_listed_of_what_a_file_declares_and_does_not_use(tmp_path):
 
 def test_a_film_of_a_file_tells_what_is_not_as_in_it_or_is_refused(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    Path("room.glb").write_bytes(room().content())
+    glb = room()
+    glb.header["materials"][FLOOR]["occlusionTexture"] = {}
+    Path("room.glb").write_bytes(glb.content())
     down = {"position_m": [0, 0, 2], "azimuth_deg": 0, "altitude_deg": -90}
     keypoints = [{"name": name, "time_s": time} | down for name, time in (("a", 0), ("b", 1))]
     Path("walk.json").write_text(json.dumps({"duration_s": 1.0, "keypoints": keypoints}))
     options = ["render", "room.glb", "--path", "walk.json", "--size", "32x18", "--fps", "2", "--out", "a.mkv"]
-    with pytest.raises(InputError, match=r"room.glb: not shown as in the file: metal .*; leave out --strict"):
+    with pytest.raises(
+        InputError, match=r"room.glb: not shown as in the file: occlusion .*; leave out --strict"
+    ):
         CliRunner().invoke(app, [*options, "--strict"], catch_exceptions=False)
     said = CliRunner().invoke(app, options, catch_exceptions=False).output
-    assert "of the view: metal (drawn matt): material 0 on mesh 0" in said
+    assert "of the view: occlusion map (light is computed): material 0 on mesh 0" in said
 
 
 def test_images_beyond_the_memory_are_made_smaller_where_it_is_seen_least(tmp_path, monkeypatch):

@@ -17,9 +17,9 @@ from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK
 from evenlight.stimuli.scenes.engine.light.bake import charts_of, light_picture
 from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
 from evenlight.stimuli.scenes.engine.material_textures import SIZE, MaterialTextures, material_textures
+from evenlight.stimuli.scenes.engine.reflections import LAYOUT_OF_PICTURES, reflections, shine_of
 from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene
-from evenlight.stimuli.scenes.engine.surface_detail import detail_tiles
-from evenlight.stimuli.scenes.engine.texture_arrays import ALBEDO, CUTOFFS, TextureArrays
+from evenlight.stimuli.scenes.engine.texture_arrays import ALBEDO, CUTOFFS, TextureArrays, detail_texture
 from evenlight.stimuli.scenes.engine.vertices import (
     ATTRIBUTES,
     BLENDED,
@@ -47,7 +47,8 @@ BRIGHTEST = 150.0  # [cd/m^2] brighter light is drawn like this: a display shows
 # the edges of lamps could not be smoothed
 FINEST = 16.0  # of anisotropic filtering by the graphics card
 SHADOW_SIZE = 4096  # [texels] of the sun's picture
-LIGHT, SHADOW, MATERIALS, DETAIL = 1, 2, 3, 4  # texture units, as those of `texture_arrays`
+# Texture units, as those of `texture_arrays`.
+LIGHT, SHADOW, MATERIALS, DETAIL, AROUND, ROOMS = 1, 2, 3, 4, 6, 7
 
 
 class SceneRenderer:
@@ -161,23 +162,30 @@ class GraphicsScene:
         charts = charts_of(scene.patches, scene.holed())
         self._faces = faces_of(scene.patches)
         self._blocks = blocks_of(scene, self._faces)
-        self._vertices = context.buffer(vertices_of(scene, charts, self._faces).tobytes())
+        vertices = vertices_of(scene, charts, self._faces)
+        self._vertices = context.buffer(vertices)
         self._indices = context.buffer(reserve=6 * 4 * len(scene.patches), dynamic=True)  # of what is drawn
         self._walls = context.buffer(occluders(scene, self._faces).tobytes())
         textures = material_textures(scene, SIZE if quality is Quality.FINE else SIZE // 2)
-        self._upload(textures, light_picture(scene, charts, textures, quality))
+        light = light_picture(scene, charts, textures, quality)
+        self._upload(textures, light)
         source = shader("surface")
         if samples == 1 and any(material.sampling for material in scene.materials):
             source = graphics.with_defined(source, "SHARPER")
-        self._solid = self._surface(source)
-        self._holed = self._surface(graphics.with_holes(source, samples))
-        self._blended = self._surface(graphics.with_defined(source, "BLENDED"))
-        self._surfaces = self._solid, self._holed, self._blended
+        sources = source, graphics.with_holes(source, samples), graphics.with_defined(source, "BLENDED")
+        self._surfaces = {
+            (kind, words): self._surface(source, words)
+            for kind, source in enumerate(sources) for words in set(self._textures.words)
+        }  # fmt: skip
         self._sky_program = context.program(vertex_shader=shader("sky_vertex"), fragment_shader=shader("sky"))
         self._sky_whole = context.vertex_array(self._sky_program, [])
+        self._around = self._rooms = context.texture((1, 1), 3, bytes(12), dtype="f4")
         self._cast_shadows()
         self._hiding = self._depth_only(self._walls)
         self._small: moderngl.Framebuffer | None = None
+        if shine_of(scene).any():
+            self._around, self._rooms = reflections(context, self, (scene, textures, light), vertices)
+            self._vertices.write(vertices)
 
     def target(self, size: tuple[int, int]) -> tuple[moderngl.Framebuffer, moderngl.Texture]:
         """Return where to draw, and the picture in it; all renderers of one size draw into the same."""
@@ -202,7 +210,7 @@ class GraphicsScene:
         self._write(solid, holed, blended[::-1])
 
     def _sample_as(self, antialiasing: Antialiasing) -> None:
-        for surface in self._surfaces:
+        for surface in self._surfaces.values():
             set_uniforms(surface, numbering=antialiasing.numbering(), sharper=antialiasing.sharper())
 
     def draw(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
@@ -213,16 +221,16 @@ class GraphicsScene:
         import moderngl
 
         context, matrix = self._context, camera.matrix(size)
-        for surface in self._surfaces:
+        for surface in self._surfaces.values():
             set_uniforms(surface, view=matrix, eye=camera.position, placing=placing)
         self._use_textures()
         context.enable(moderngl.DEPTH_TEST | moderngl.CULL_FACE)
         for edge in graphics.CLIP_DISTANCES:
             context.enable_direct(edge)
-        self._draw_chosen(self._solid, SOLID)
+        self._draw_chosen(SOLID)
         context.disable(moderngl.CULL_FACE)
         self._draw_sky(camera, size, placing)
-        self._draw_chosen(self._holed, HOLED)
+        self._draw_chosen(HOLED)
         if any(kind == BLENDED for kind, *_ in self._runs):
             self._draw_blended()
         for edge in graphics.CLIP_DISTANCES:
@@ -237,7 +245,7 @@ class GraphicsScene:
         context.blend_func = moderngl.ONE, moderngl.ONE_MINUS_SRC_ALPHA
         context.polygon_offset = -1.0, -1.0
         context.fbo.depth_mask = False
-        self._draw_chosen(self._blended, BLENDED)
+        self._draw_chosen(BLENDED)
         context.fbo.depth_mask = True
         context.blend_func = moderngl.SRC_ALPHA, moderngl.ONE_MINUS_SRC_ALPHA
         context.polygon_offset = 0.0, 0.0
@@ -248,6 +256,8 @@ class GraphicsScene:
         self._shadow.use(SHADOW)
         self._materials.use(MATERIALS)
         self._detail.use(DETAIL)
+        self._around.use(AROUND)
+        self._rooms.use(ROOMS)
 
     def _in_sight(self, matrix: Floats, size: tuple[int, int]) -> NDArray[np.int64]:
         """Return the blocks that are in view and not hidden behind walls, nearest first."""
@@ -280,10 +290,11 @@ class GraphicsScene:
         if written:
             self._indices.write(np.concatenate(written).tobytes())
 
-    def _draw_chosen(self, surface: moderngl.VertexArray, chosen: int) -> None:
+    def _draw_chosen(self, chosen: int, caster: moderngl.VertexArray | None = None) -> None:
         for kind, array, first, count in self._runs:
             if kind == chosen:
                 self._textures.use(array)
+                surface = caster or self._surfaces[kind, self._textures.words[array]]
                 surface.render(vertices=count, first=first)
 
     def _draw_sky(self, camera: View, size: tuple[int, int], placing: Floats) -> None:
@@ -303,16 +314,10 @@ class GraphicsScene:
     def _upload(self, textures: MaterialTextures, light: np.ndarray) -> None:
         context, scene = self._context, self._scene
         self._textures = TextureArrays(context, scene, textures, 1.0 if self._samples == 1 else FINEST)
-        tiles, detail = detail_tiles(scene.materials)
-        self._detail = context.texture_array(
-            (*tiles.shape[:0:-1], len(tiles)), 1, (tiles / 255).astype("f2").tobytes(), dtype="f2"
-        )
-        self._detail.build_mipmaps()
-        # One copy is enough for what is so faint: a second one costs 5 % of a frame on a CPU.
-        self._detail.filter = graphics.LINEAR_MIPMAP_NEAREST, graphics.LINEAR
-        gloss = [[m.gloss] for m in scene.materials]
-        layers = self._textures.layers
-        table = np.concatenate([textures.scale, gloss, detail, layers, 0 * layers], axis=1).astype("f4")
+        self._detail, detail = detail_texture(context, scene)
+        gloss, metal = ([[getattr(m, name)] for m in scene.materials] for name in ("gloss", "metal"))
+        columns = textures.scale, gloss, detail, self._textures.layers, metal
+        table = np.concatenate(columns, axis=1).astype("f4")
         self._materials = context.texture((2, len(table)), 4, table.tobytes(), dtype="f4")
         self._materials.filter = graphics.NEAREST, graphics.NEAREST
         height, width = light.shape[:2]
@@ -325,12 +330,15 @@ class GraphicsScene:
         )
         self._sky.repeat_x, self._sky.repeat_y = True, False
 
-    def _surface(self, fragment: str) -> moderngl.VertexArray:
-        program = self._context.program(vertex_shader=shader("surface_vertex"), fragment_shader=fragment)
+    def _surface(self, fragment: str, words: tuple[str, ...]) -> moderngl.VertexArray:
+        vertex = shader("surface_vertex")
+        for word in words:
+            vertex, fragment = (graphics.with_defined(source, word) for source in (vertex, fragment))
+        program = self._context.program(vertex_shader=vertex, fragment_shader=fragment)
         surface = self._context.vertex_array(program, [(self._vertices, LAYOUT, *ATTRIBUTES)], self._indices)
         set_uniforms(
             surface, brightest=BRIGHTEST, albedo=ALBEDO, light=LIGHT, shadow=SHADOW, materials=MATERIALS,
-            detail=DETAIL, cutoffs=CUTOFFS,
+            detail=DETAIL, cutoffs=CUTOFFS, around=AROUND, rooms=ROOMS, **LAYOUT_OF_PICTURES,
         )  # fmt: skip
         return surface
 
@@ -341,7 +349,7 @@ class GraphicsScene:
         if sun is None:
             self._shadow = self._context.depth_texture((1, 1), np.ones(1, dtype="f4").tobytes())
             self._shadow.compare_func = "<="
-            for surface in self._surfaces:
+            for surface in self._surfaces.values():
                 set_uniforms(surface, sun=(0.0, 0.0, 0.0), sun_direction=(0.0, 0.0, 1.0), to_shadow=np.eye(4))
             return
         matrix = sun_matrix(self._scene)
@@ -359,9 +367,9 @@ class GraphicsScene:
             for kind in (SOLID, HOLED, BLENDED):
                 caster = self._caster(kind)
                 set_uniforms(caster, view=matrix)
-                self._draw_chosen(caster, kind)
+                self._draw_chosen(kind, caster)
         halved = np.array([[0.5, 0, 0, 0.5], [0, 0.5, 0, 0.5], [0, 0, 0.5, 0.5], [0, 0, 0, 1]])
-        for surface in self._surfaces:
+        for surface in self._surfaces.values():
             set_uniforms(
                 surface,
                 sun=sun.luminance(),

@@ -44,7 +44,9 @@ class Material:
     tile : float
         What one repeat of the texture covers [m].
     gloss : float
-        Strength of the reflection of the surroundings, 0 matt to 1 like a mirror at grazing angles.
+        How smooth it is, 0 matt to 1 like a mirror: 1 - roughness. It reflects what is around it.
+    metal : float
+        Whether it is of metal (1), which reflects in its own colour and has no light from below its surface.
     cutout : bool
         Whether the texture has holes (foliage, nets, fences); such surfaces are seen from both sides.
     blended : bool
@@ -58,6 +60,7 @@ class Material:
     texture: Texture
     tile: float
     gloss: float = 0.0
+    metal: float = 0.0
     cutout: bool = False
     blended: bool = False
     sampling: Sampling | None = None
@@ -65,8 +68,10 @@ class Material:
     def __post_init__(self) -> None:
         if not self.tile > 0:
             raise ValueError(f"material {self.name}: need a tile larger than 0 m, got {self.tile:g}")
-        if not 0 <= self.gloss <= 1:
-            raise ValueError(f"material {self.name}: need a gloss from 0 to 1, got {self.gloss:g}")
+        for quantity in ("gloss", "metal"):
+            if not 0 <= getattr(self, quantity) <= 1:
+                got = f"got {getattr(self, quantity):g}"
+                raise ValueError(f"material {self.name}: need a {quantity} from 0 to 1, {got}")
 
 
 @dataclass(frozen=True, eq=False)

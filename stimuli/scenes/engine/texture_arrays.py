@@ -11,12 +11,18 @@ from numpy.typing import NDArray
 
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.material_textures import MaterialTextures
-from evenlight.stimuli.scenes.engine.scene import Sampling, Scene
+from evenlight.stimuli.scenes.engine.scene import Floats, Material, Sampling, Scene
+from evenlight.stimuli.scenes.engine.surface_detail import detail_tiles
 
 if TYPE_CHECKING:
     import moderngl
 
 ALBEDO, CUTOFFS = 0, 5  # texture units
+
+
+def words_of(material: Material) -> tuple[str, ...]:
+    """Return what a shader needs to have defined for a material: what is matt costs no reflections."""
+    return ("SHINY",) * (material.gloss > 0 or material.metal > 0)
 
 
 class TextureArrays:
@@ -28,11 +34,13 @@ class TextureArrays:
         self.layers = np.zeros((len(scene.materials), 1))  # of each material, in its array
         self._arrays: list[tuple[moderngl.TextureArray, moderngl.Texture]] = []
         array_of = np.zeros(len(scene.materials), dtype=np.int64)
-        kinds: dict[tuple[Any, Sampling | None], list[int]] = {}
+        self.words: list[tuple[str, ...]] = []  # what the shader of each array has defined
+        kinds: dict[tuple[Any, Sampling | None, tuple[str, ...]], list[int]] = {}
         for k, (material, codes) in enumerate(zip(scene.materials, textures.codes, strict=True)):
             own = material.sampling and replace(material.sampling, size=codes.shape[1::-1], image="")
-            kinds.setdefault((codes.shape, own), []).append(k)
-        for number, ((_, sampling), members) in enumerate(kinds.items()):
+            kinds.setdefault((codes.shape, own, words_of(material)), []).append(k)
+        matt_first = sorted(kinds.items(), key=lambda one: len(one[0][2]))  # what it hides costs less
+        for number, ((_, sampling, words), members) in enumerate(matt_first):
             array_of[members], self.layers[members, 0] = number, np.arange(len(members))
             height, width = textures.codes[members[0]].shape[:2]
             array = context.texture_array((width, height, len(members)), 4)
@@ -49,6 +57,7 @@ class TextureArrays:
             cutoffs = context.texture(cut.shape[::-1], 1, cut.tobytes(), dtype="f4")
             cutoffs.repeat_x = False
             self._arrays.append((array, cutoffs))
+            self.words.append(words)
         self._array_of = array_of[scene.patches.material]
 
     def use(self, number: int) -> None:
@@ -66,3 +75,14 @@ class TextureArrays:
         for run in np.split(patches, np.flatnonzero(np.diff(number)) + 1):
             if len(run):
                 yield int(self._array_of[run[0]]), run
+
+
+def detail_texture(context: moderngl.Context, scene: Scene) -> tuple[moderngl.TextureArray, Floats]:
+    """Return the tiles of fine structure, and the layer and strength of each material, (m, 2)."""
+    tiles, chosen = detail_tiles(scene.materials)
+    content = (tiles / 255).astype("f2").tobytes()
+    detail = context.texture_array((*tiles.shape[:0:-1], len(tiles)), 1, content, dtype="f2")
+    detail.build_mipmaps()
+    # One copy is enough for what is so faint: a second one costs 5 % of a frame on a CPU.
+    detail.filter = graphics.LINEAR_MIPMAP_NEAREST, graphics.LINEAR
+    return detail, chosen

@@ -24,7 +24,7 @@ LARGE = 5.0  # [m] longer patches are blocks of their own kind, or small ones wo
 VERTEX = np.dtype(
     [
         ("position", "f4", 3),
-        ("normal", "f2", 4),
+        ("normal", "f2", 4),  # and the number of the room
         ("uv", "f4", 2),
         ("detail_at", "f4", 2),
         ("light_at", "f4", 2),
@@ -32,7 +32,7 @@ VERTEX = np.dtype(
         ("material", "f4"),
     ]
 )
-LAYOUT = "3f4 3f2 2x1 2f4 2f4 2f4 3f4 1f4"
+LAYOUT = "3f4 4f2 2f4 2f4 2f4 3f4 1f4"
 ATTRIBUTES = ("position", "normal", "uv", "detail_at", "light_at", "tint", "material")
 SOLID, HOLED, BLENDED = 0, 1, 2  # drawn in this order
 SHRUNK = 3  # the small picture has this fraction of the large one's width and height

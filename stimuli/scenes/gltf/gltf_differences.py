@@ -16,9 +16,8 @@ from evenlight.stimuli.scenes.engine.material_textures import material_textures
 from evenlight.stimuli.scenes.engine.scene import Difference, Scene
 from evenlight.stimuli.scenes.engine.vertices import BLENDED, kinds_of
 from evenlight.stimuli.scenes.gltf.gltf_file import BRIGHTEST
-from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named, paint_of
+from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named
 
-SMOOTH = 0.7  # gloss from which a surface would show what is around it
 DRAWN_AS_BRIGHTEST = 150.0  # [cd/m^2] to a lamp that is brighter, what it reflects adds nothing
 # Instead of extensions of materials, shown wholly or in part.
 INSTEAD = {
@@ -71,13 +70,9 @@ def _of_material(header: dict[str, Any], entry: dict[str, Any]) -> Iterator[str]
     shiny, unlit = extension(entry, SPECULAR), "KHR_materials_unlit" in extensions
     if SPECULAR in extensions:
         if max(shiny.get("specularFactor", (1, 1, 1))) > 0.05 or "specularGlossinessTexture" in shiny:
-            yield "specular colour (drawn matt)"
-    elif not unlit and paint.get("metallicFactor", 1) > 0:
-        yield "metal (drawn matt)"
-    elif "metallicRoughnessTexture" in paint:
-        yield "roughness of a texture (drawn matt)"
-    elif paint_of(entry)[2] >= SMOOTH and not unlit:
-        yield "reflections of a smooth surface (a gloss)"
+            yield "specular colour (reflects as plastics do)"
+    elif "metallicRoughnessTexture" in paint and not unlit:
+        yield "metal and roughness of a texture (their means)"
     if entry.get("alphaMode") == "MASK" and not entry.get("doubleSided"):
         yield "holes in one side (seen from both)"
     if "normalTexture" in entry:

@@ -97,7 +97,7 @@ def _material(scene: Scene, index: int, emission: Floats, scale: Floats) -> dict
     material = scene.materials[index]
     paint = {
         "baseColorFactor": [*scale.tolist(), 1.0],
-        "metallicFactor": 0.0,
+        "metallicFactor": material.metal,
         "roughnessFactor": 1.0 - material.gloss,
     }
     entry: dict[str, Any] = {"pbrMetallicRoughness": paint}

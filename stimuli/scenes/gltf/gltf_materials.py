@@ -77,13 +77,13 @@ class Surfaces:
 
     def _read(self, number: int | None) -> Surface | None:
         entry = {} if number is None else self._file.header["materials"][number]
-        colour, texture, gloss = paint_of(entry)
+        (colour, texture), (gloss, metal) = paint_of(entry), self._shine_of(entry)
         *tint, opacity = colour.clip(0, 1)
         mode, both = entry.get("alphaMode", "OPAQUE"), bool(entry.get("doubleSided", False))
         emission, glow = light_of(entry), None
         shining = entry.get("emissiveTexture") if emission.any() else None
         if shining is not None and self._file.image(shining["index"]) is not None:
-            material, laid = self._made(shining, 0.0, None, LAID_OVER)
+            material, laid = self._made(shining, (0.0, 0.0), None, LAID_OVER)
             light = self.materials()[material].texture(np.random.default_rng(0), (GLOW_SIZE, GLOW_SIZE))
             glow = Surface(material, np.ones(3), emission, both, laid, light=light[..., :3])
             emission = np.zeros(3)
@@ -92,7 +92,7 @@ class Surfaces:
         opacity = (1.0 if mode == "OPAQUE" else opacity) * (1 - min(through, 1.0))
         cutoff = float(entry.get("alphaCutoff", THERE)) if mode == "MASK" and not blended else None
         if emission.any():
-            texture, cutoff, tint, gloss = None, None, [1, 1, 1], 0.0
+            texture, cutoff, tint, gloss, metal = None, None, [1, 1, 1], 0.0, 0.0
         image = None if texture is None else self._file.image(texture["index"])
         if (blended and not (opacity or through)) or (image is None and opacity < (cutoff or 0)):
             return None
@@ -100,12 +100,30 @@ class Surfaces:
         needed = 1.0 if blended else cutoff
         if image is None or needed is None or np.asarray(image.getchannel(3)).min() / 255 >= needed:
             cutoff, blended = None, blended and opacity < 1
-        material, laid = self._made(texture, gloss, cutoff, opacity if blended else None)
+        material, laid = self._made(texture, (gloss, metal), cutoff, opacity if blended else None)
         return Surface(material, np.array(tint), emission, both and cutoff is None, laid, glow)
 
+    def _shine_of(self, entry: dict[str, Any]) -> tuple[float, float]:
+        """Return the gloss of a material, and how metallic it is; of textures, the means."""
+        paint, shiny = entry.get("pbrMetallicRoughness", {}), extension(entry, SPECULAR)
+        if "KHR_materials_unlit" in entry.get("extensions", {}) or "specularGlossinessTexture" in shiny:
+            return 0.0, 0.0
+        rough, metal = float(paint.get("roughnessFactor", 1)), float(paint.get("metallicFactor", 1))
+        if SPECULAR in entry.get("extensions", {}):
+            rough, metal = 1 - float(shiny.get("glossinessFactor", 1)), 0.0
+        elif "metallicRoughnessTexture" in paint:
+            image = self._file.image(paint["metallicRoughnessTexture"]["index"])
+            means = (
+                [1, 1] if image is None else [np.asarray(image.getchannel(k)).mean() / 255 for k in (1, 2)]
+            )
+            rough, metal = rough * means[0], metal * means[1]
+        gloss, metal = np.clip([1 - rough, metal], 0, 1).round(1).tolist()  # few kinds, and few textures
+        return gloss, metal
+
     def _made(
-        self, texture: dict[str, Any] | None, gloss: float, cutoff: float | None, opacity: float | None
-    ) -> tuple[int, Laid]:
+        self, texture: dict[str, Any] | None, shine: tuple[float, float], cutoff: float | None,
+        opacity: float | None,
+    ) -> tuple[int, Laid]:  # fmt: skip
         """Return the number of a material, made if it is new, and how its texture lies."""
         from PIL import Image as Images
 
@@ -120,7 +138,7 @@ class Surfaces:
         across, down = sampler.get("wrapS"), sampler.get("wrapT")
         mirrored, clamped = ((across == kind, down == kind) for kind in (MIRRORED, CLAMPED))
         nearest = sampler.get("magFilter") == NEAREST
-        key = source, cutoff, opacity, gloss, mirrored, clamped, nearest
+        key = source, cutoff, opacity, shine, mirrored, clamped, nearest
         if key not in self._materials:
             if len(self._materials) >= MOST_TEXTURES:
                 raise InputError(
@@ -131,13 +149,13 @@ class Surfaces:
             size = image.width * (1 + mirrored[0]), image.height * (1 + mirrored[1])
             # A partial function, which the cache of textures leaves alone: its name does not tell the image.
             made = partial(_resampled, image, cutoff, opacity, mirrored)
-            kind = cutoff is not None, opacity is not None, Sampling(size, clamped, nearest, name)
-            self._materials[key] = Material(f"image {key}", made, 1.0, gloss, *kind)
+            kind = *shine, cutoff is not None, opacity is not None, Sampling(size, clamped, nearest, name)
+            self._materials[key] = Material(f"image {key}", made, 1.0, *kind)
         return list(self._materials).index(key), _laid(texture or {}, mirrored)
 
 
-def paint_of(entry: dict[str, Any]) -> tuple[Floats, dict[str, Any] | None, float]:
-    """Return the base colour of a material, (4,), its texture if it has one, and its gloss.
+def paint_of(entry: dict[str, Any]) -> tuple[Floats, dict[str, Any] | None]:
+    """Return the base colour of a material, (4,), and its texture if it has one.
 
     Of specular-glossiness it is the diffuse colour, less what is reflected as the extension says.
     """
@@ -145,14 +163,8 @@ def paint_of(entry: dict[str, Any]) -> tuple[Floats, dict[str, Any] | None, floa
     if SPECULAR in entry.get("extensions", {}):
         colour = numbers(shiny.get("diffuseFactor", (1, 1, 1, 1)), 4)
         colour[:3] *= 1 - min(numbers(shiny.get("specularFactor", (1, 1, 1)), 3).max(), 1.0)
-        texture, gloss = shiny.get("diffuseTexture"), shiny.get("glossinessFactor", 1)
-        rough = "specularGlossinessTexture" in shiny
-    else:
-        colour = numbers(paint.get("baseColorFactor", (1, 1, 1, 1)), 4)
-        texture, gloss = paint.get("baseColorTexture"), 1 - float(paint.get("roughnessFactor", 1))
-        rough = "metallicRoughnessTexture" in paint
-    # Where a texture changes it, the factor is not all.
-    return colour, texture, 0.0 if rough else round(float(np.clip(gloss, 0, 1)), 1)
+        return colour, shiny.get("diffuseTexture")
+    return numbers(paint.get("baseColorFactor", (1, 1, 1, 1)), 4), paint.get("baseColorTexture")
 
 
 def named(entry: dict[str, Any], otherwise: str) -> str:

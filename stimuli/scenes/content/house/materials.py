@@ -57,20 +57,20 @@ WHITE = linear("f4f2ec")
 
 # Tinted as needed.
 PAINT = Material("paint", plaster(WHITE, 0.03), 0.7)
-GLAZED = Material("glazed", plaster(WHITE, 0.03), 0.7, gloss=0.35)
+GLAZED = Material("glazed", plaster(WHITE, 0.03), 0.7, gloss=0.75)
 CLOTH = Material("cloth", fabric(WHITE), 0.5)
-STEEL = Material("steel", metal(WHITE), 0.6, gloss=0.4)
+STEEL = Material("steel", metal(WHITE), 0.6, gloss=0.6, metal=1.0)
 BOARD = Material("board", wood(linear("f2ece0"), linear("c8bba8")), 0.8)
 
 # Wood
-OAK = Material("oak", wood(linear("d0a468"), linear("8a5a2c")), 0.9, gloss=0.08)
-WALNUT = Material("walnut", wood(linear("8a5f3e"), linear("42281a")), 0.9, gloss=0.1)
+OAK = Material("oak", wood(linear("d0a468"), linear("8a5a2c")), 0.9, gloss=0.3)
+WALNUT = Material("walnut", wood(linear("8a5f3e"), linear("42281a")), 0.9, gloss=0.35)
 PINE = Material("pine", wood(linear("e2bf88"), linear("b98547"), 12), 0.9)
 OLD_WOOD = Material("old wood", wood(linear("a8957a"), linear("6c5c4a"), 14), 0.9)
-FLOOR_BOARDS = Material("floor boards", planks(linear("d8ad74"), linear("8f6034")), 1.3, gloss=0.14)
+FLOOR_BOARDS = Material("floor boards", planks(linear("d8ad74"), linear("8f6034")), 1.3, gloss=0.45)
 DECK = Material("deck", planks(linear("c4a888"), linear("86684a"), 9), 1.3)
-DOOR = Material("door", panel_door(linear("ece6d8"), linear("ddd5c4")), 1.0, gloss=0.06)
-FRONT_DOOR = Material("front door", panel_door(linear("3f6b5c"), linear("2f5348")), 1.0, gloss=0.12)
+DOOR = Material("door", panel_door(linear("ece6d8"), linear("ddd5c4")), 1.0, gloss=0.25)
+FRONT_DOOR = Material("front door", panel_door(linear("3f6b5c"), linear("2f5348")), 1.0, gloss=0.25)
 FENCE_BOARDS = Material("fence boards", painted_boards(linear("d8d2c4"), 8), 1.0)
 SHED_BOARDS = Material("shed boards", painted_boards(linear("8a5a48"), 7), 1.0)
 
@@ -80,12 +80,12 @@ FEATURE_WALL = Material("feature wall", plaster(linear("94b0a8")), 2.2)
 CEILING = Material("ceiling", plaster(linear("f2f0ea"), 0.03), 2.5)
 HALL_WALL = Material("hall wall", stripes(linear("e2dcc6"), linear("b4bfa4"), 6), 1.1)
 KITCHEN_WALL = Material("kitchen wall", plaster(linear("ead9b0")), 2.2)
-KITCHEN_TILES = Material("kitchen tiles", tiles(linear("e6ece8"), linear("8f8d86"), 4, 0.06), 0.6, gloss=0.25)
-ACCENT_TILES = Material("accent tiles", tiles(linear("4f7f92"), linear("c8c4b8"), 4, 0.3), 0.4, gloss=0.25)
+KITCHEN_TILES = Material("kitchen tiles", tiles(linear("e6ece8"), linear("8f8d86"), 4, 0.06), 0.6, gloss=0.7)
+ACCENT_TILES = Material("accent tiles", tiles(linear("4f7f92"), linear("c8c4b8"), 4, 0.3), 0.4, gloss=0.7)
 KITCHEN_FLOOR = Material(
-    "kitchen floor", chequered_tiles(linear("e8e2d4"), linear("4a5258"), 4), 1.6, gloss=0.2
+    "kitchen floor", chequered_tiles(linear("e8e2d4"), linear("4a5258"), 4), 1.6, gloss=0.5
 )
-HALL_FLOOR = Material("hall floor", tiles(linear("a8553c"), linear("b8aa96"), 5, 0.3), 1.25, gloss=0.1)
+HALL_FLOOR = Material("hall floor", tiles(linear("a8553c"), linear("b8aa96"), 5, 0.3), 1.25, gloss=0.45)
 STONE = Material("stone", paving(linear("c4b9a4")), 2.0)
 FACADE = Material("facade", plaster(linear("e9e1cd"), 0.14), 2.5)
 PLINTH = Material("plinth", concrete(linear("9c978c")), 2.0)
@@ -137,7 +137,7 @@ SOIL = Material("soil", soil(linear("6e5440")), 1.0)
 GRAVEL = Material("gravel", gravel((linear("d0c6b4"), linear("a89c8c"), linear("bcb0a0"))), 1.0)
 
 # Print and small things
-BOOKS = Material("books", book_spines(), 1.0, gloss=0.03)
+BOOKS = Material("books", book_spines(), 1.0, gloss=0.1)
 PAGES = Material("pages", wood(linear("efe6d0"), linear("cfc3a6"), 30), 0.15)
 PAPERS = Material("papers", papers(linear("b48a54")), 1.0)
 LABEL = Material("label", label(linear("c8a068"), linear("a8332c")), 1.0)
@@ -172,7 +172,7 @@ SQUARES = Material(
 POSTER = Material(
     "poster", poster(linear("d86a34"), (linear("26406a"), linear("f0dfae"), linear("3a8a86"))), 1.0
 )
-SCREEN = Material("screen", screen(linear("2f6fa0"), linear("e8a050")), 1.0, gloss=0.5)
+SCREEN = Material("screen", screen(linear("2f6fa0"), linear("e8a050")), 1.0, gloss=0.9)
 DIAL = Material("dial", dial_face(linear("f2ece0"), linear("26262a")), 1.0)
 KEYBOARD = Material("keyboard", keyboard(), 1.0)
 PEGBOARD = Material("pegboard", perforated(linear("b89468")), 0.5)

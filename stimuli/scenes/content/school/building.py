@@ -65,61 +65,62 @@ BRICK = Material("brick", brick(linear("a2553c"), linear("7f3f2e"), linear("b8ae
 CONCRETE = Material("concrete", concrete(linear("b5b0a6")), 2.5)
 HALL_WALL = Material("hall wall", plaster(linear("e2d6b8")), 2.0)
 CORRIDOR_WALL = Material("corridor wall", plaster(linear("e6e0cc")), 2.0)
-DADO = Material("dado", plain("4f7f86", 0.1), 1.0, gloss=0.15)
+DADO = Material("dado", plain("4f7f86", 0.1), 1.0, gloss=0.35)
 STACKS_WALL = Material("stacks wall", plaster(linear("c2bba9"), 0.1), 2.0)
 GYM_WALL = Material("gym wall", plaster(linear("dcd8cc")), 2.0)
-GYM_PANELS = Material("gym panels", planks(linear("c79a62"), linear("a87a45"), 10), 1.2, gloss=0.1)
+GYM_PANELS = Material("gym panels", planks(linear("c79a62"), linear("a87a45"), 10), 1.2, gloss=0.3)
 TERRAZZO = Material(
     "terrazzo",
     terrazzo(linear("b5ad9d"), tuple(linear(c) for c in ("6e6459", "e8e2d4", "8c7b66", "4a4a48", "a58467"))),
     1.2,
-    gloss=0.3,
+    gloss=0.8,
 )
-PARQUET = Material("parquet", planks(linear("b2865a"), linear("8a6340")), 1.2, gloss=0.2)
-STACKS_FLOOR = Material("linoleum", plain("a59c8b", 0.2, 24), 1.0, gloss=0.1)
-WALL_TILES = Material("wall tiles", tiles(linear("d8e2dc"), linear("9aa09a"), 8), 1.2, gloss=0.25)
-FLOOR_TILES = Material("floor tiles", tiles(linear("94877a"), linear("6a6258"), 6, 0.15), 1.2, gloss=0.15)
+PARQUET = Material("parquet", planks(linear("b2865a"), linear("8a6340")), 1.2, gloss=0.5)
+STACKS_FLOOR = Material("linoleum", plain("a59c8b", 0.2, 24), 1.0, gloss=0.4)
+WALL_TILES = Material("wall tiles", tiles(linear("d8e2dc"), linear("9aa09a"), 8), 1.2, gloss=0.65)
+FLOOR_TILES = Material("floor tiles", tiles(linear("94877a"), linear("6a6258"), 6, 0.15), 1.2, gloss=0.4)
 CEILING = Material("ceiling tiles", ceiling_tiles, 1.2)
-GYM_FLOOR = Material("gym floor", gym_floor, 2.4, gloss=0.35)
+GYM_FLOOR = Material("gym floor", gym_floor, 2.4, gloss=0.85)
 ASPHALT = Material("asphalt", asphalt(linear("7b7977")), 2.0)
 GRASS = Material("grass", grass(linear("7d9a45"), linear("3f5a22")), 1.5)
 PAVING = Material("paving", paving(linear("a8a196"), 4), 2.0)
 HEDGE = Material("hedge", thicket(linear("5c7a38"), linear("2c421c")), 0.8)
-GLASS = Material("pane", plain("3a4650", 0.3, 3), 3.0, gloss=0.9)
+GLASS = Material("pane", plain("3a4650", 0.3, 3), 3.0, gloss=1.0)
 # Things are tinted, so that one coat of paint serves for all colours.
 PAINT = Material("paint", plain("f4f4f4", 0.06), 0.8)
-ENAMEL = Material("enamel", plain("f4f4f4", 0.05), 0.8, gloss=0.35)
-VINYL = Material("vinyl", plain("f0f0f0", 0.14, 12), 0.7, gloss=0.12)
+ENAMEL = Material("enamel", plain("f4f4f4", 0.05), 0.8, gloss=0.7)
+VINYL = Material("vinyl", plain("f0f0f0", 0.14, 12), 0.7, gloss=0.3)
 CLOTH = Material("cloth", fabric(linear("e8e8e8")), 0.4)
-OAK = Material("oak", wood(linear("b5875a"), linear("85603f")), 0.8, gloss=0.08)
-DARK_OAK = Material("dark oak", wood(linear("8a6848"), linear("6a4f3a")), 0.8, gloss=0.12)
-BEECH = Material("beech", wood(linear("d8b078"), linear("b98a52")), 0.8, gloss=0.08)
-STEEL = Material("steel", metal(linear("9aa0a4")), 1.0, gloss=0.3)
-BRASS = Material("brass", plain("b3924c", 0.1), 0.5, gloss=0.4)
+OAK = Material("oak", wood(linear("b5875a"), linear("85603f")), 0.8, gloss=0.3)
+DARK_OAK = Material("dark oak", wood(linear("8a6848"), linear("6a4f3a")), 0.8, gloss=0.35)
+BEECH = Material("beech", wood(linear("d8b078"), linear("b98a52")), 0.8, gloss=0.3)
+STEEL = Material("steel", metal(linear("9aa0a4")), 1.0, gloss=0.6, metal=1.0)
+BRASS = Material("brass", plain("b3924c", 0.1), 0.5, gloss=0.7, metal=1.0)
+MIRROR = Material("mirror", plain("f4f4f4", 0.0), 1.0, gloss=1.0, metal=1.0)
 PAPER = Material("book edges", plain("d9cfb6", 0.2, 32), 0.3)
 # Drawn things: one tile is the whole.
 SPINES = Material("spines", library_spines, 1.0)
 FADED_SPINES = Material("faded spines", faded_spines, 1.0)
-LOCKERS = Material("lockers", locker_fronts(("#3f6f8f", "#3f6f8f", "#39647f", "#477a99")), 1.2, gloss=0.15)
+LOCKERS = Material("lockers", locker_fronts(("#3f6f8f", "#3f6f8f", "#39647f", "#477a99")), 1.2, gloss=0.5)
 RED_LOCKERS = Material(
-    "red lockers", locker_fronts(("#a8483a", "#b8523f", "#9f4236", "#a8483a")), 1.2, gloss=0.15
+    "red lockers", locker_fronts(("#a8483a", "#b8523f", "#9f4236", "#a8483a")), 1.2, gloss=0.5
 )
 CATALOGUE = Material("catalogue", catalogue_drawers, 1.0)
 SHELF_MARKS = Material("shelf marks", drawn("#e8e2cc", shelf_marks), 1.0)
 CLOCK = Material("clock", clock_face, 1.0)
 CORK = Material("cork", cork, 0.6)
 PAPERS = Material("papers", paper_sheets, 1.0)
-GLOBE = Material("globe", globe_map, 1.0, gloss=0.2)
+GLOBE = Material("globe", globe_map, 1.0, gloss=0.5)
 SCREEN = Material("screen", drawn("#111111", screen, 0.0), 1.0)
 KEYBOARD = Material("keyboard", drawn("#191a1c", keyboard), 1.0)
 SCOREBOARD = Material("scoreboard", drawn("#000000", scoreboard, 0.0), 1.0)
 EXIT_SIGN = Material("exit sign", drawn("#1f8a4c", exit_sign, 0.0), 1.0)
-CLASSROOM = Material("classroom", drawn("#1d2226", dim_classroom), 1.0, gloss=0.5)
+CLASSROOM = Material("classroom", drawn("#1d2226", dim_classroom), 1.0, gloss=1.0)
 SIGN = Material("sign", drawn("#1f3d38", name_board, 0.02), 1.0)
 BASKETBALL = Material("basketball", basketball, 1.0)
 WALL_POSTERS = {kind: Material(f"{kind} poster", texture, 1.0) for kind, texture in POSTERS.items()}
 PAINTING = Material(
-    "painting", landscape_painting(linear("9fb8cc"), linear("4f5f38"), linear("e8c98a")), 1.0, gloss=0.1
+    "painting", landscape_painting(linear("9fb8cc"), linear("4f5f38"), linear("e8c98a")), 1.0, gloss=0.2
 )
 HOPSCOTCH = Material("hopscotch", on_the_ground(hopscotch), 1.0, cutout=True)
 SNAIL = Material("number snail", on_the_ground(number_snail), 1.0, cutout=True)

@@ -194,7 +194,7 @@ def _basins(model: SceneModel) -> None:
     for x in (-0.45, 0.45):
         model.box((x - 0.28, -0.02, 1.15), (x + 0.28, 0, 1.85), stuff.ENAMEL, skip="Y")
         mirror = rectangle((x - 0.24, x + 0.24), -0.022, (1.19, 1.81))
-        model.quad(mirror, stuff.ENAMEL, tint=(0.4, 0.44, 0.43))
+        model.quad(mirror, stuff.MIRROR, tint=(0.84, 0.88, 0.86))
         low, water = (x, -0.25, 0.72), (x, -0.25, 0.85)
         model.cylinder(low, (x, -0.25, 0.88), (0.15, 0.25), stuff.ENAMEL, segments=18, caps=False)
         model.cylinder(low, water, (0.13, 0.22), stuff.ENAMEL, segments=18, tint=(0.75, 0.77, 0.77))

@@ -32,7 +32,8 @@ def seen_along(scene: Scene, path: CameraPath, field_of_view: float, stopped: Fl
         rays = np.column_stack([x, y, np.ones_like(x)]) @ camera.axes()
         away = (planes @ [*camera.position, 1.0] < 0) & ~scene.holed()
         facing = np.where(away, 0, stopped)[tree.patch].astype(np.float32)
-        found.append(_first_met(tree._replace(coverage=facing), np.array(camera.position), rays)[0])
+        eyes = np.tile(camera.position, (len(rays), 1))
+        found.append(met(tree._replace(coverage=facing), eyes, rays)[0])
     return np.concatenate(found)
 
 
@@ -41,8 +42,9 @@ def met_from(patches: Patches, position: Vector, directions: Floats) -> tuple[Fl
 
     Back sides are met too, and holes. For nothing that is infinity, and `NOTHING`.
     """
-    met, distances = _first_met(_solid(patches), np.array(position), np.asarray(directions, dtype=float))
-    return distances, met
+    rays = np.asarray(directions, dtype=float)
+    found, distances = met(_solid(patches), np.tile(position, (len(rays), 1)), rays)
+    return distances, found
 
 
 @lru_cache(maxsize=2)
@@ -50,14 +52,19 @@ def _solid(patches: Patches) -> RayTree:
     return ray_tree(patches, np.ones(len(patches)))
 
 
+def met(tree: RayTree, eyes: Floats, rays: Floats) -> tuple[NDArray[np.int64], Floats]:
+    """Return which patch each ray meets first, -1 for none, and how far away, in lengths of the ray."""
+    patches, away = _met(tree, eyes.astype(np.float32), rays.astype(np.float32))
+    return patches, away
+
+
 @compiled_loop(error_model="numpy")
-def _first_met(tree, eye, rays):
-    """Return which patch each ray meets first, -1 for none, and how far away."""
-    met, distances, stack = np.full(len(rays), -1), np.full(len(rays), np.inf), np.empty((2, DEPTH))
-    a, b, c = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
+def _met(tree, eyes, rays):
+    patches, away, stack = np.full(len(rays), -1), np.full(len(rays), np.inf), np.empty((2, DEPTH))
     for i in range(len(rays)):
-        x, y, z = np.float32(rays[i, 0]), np.float32(rays[i, 1]), np.float32(rays[i, 2])
-        k, distance, _, _ = nearest(tree, a, b, c, x, y, z, -1, i, stack)
+        ox, oy, oz = eyes[i]
+        x, y, z = rays[i]
+        k, distance, _, _ = nearest(tree, ox, oy, oz, x, y, z, -1, i, stack)
         if k >= 0:
-            met[i], distances[i] = tree.patch[k], distance
-    return met, distances
+            patches[i], away[i] = tree.patch[k], distance
+    return patches, away
