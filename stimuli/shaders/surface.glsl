@@ -18,8 +18,11 @@ centroid in vec3 at_light;
 in vec4 share;
 in vec4 fine;
 out vec4 colour;
-#ifdef SHINY
+#if defined(SHINY) || defined(RELIEF)
 #include "reflected.glsl"
+#endif
+#ifdef RELIEF
+#include "relief.glsl"
 #endif
 
 void main() {
@@ -34,11 +37,20 @@ void main() {
     vec4 paint = texture(albedo, at);
 #endif
     vec3 n = normalize(facing);
+#ifdef RELIEF
+    vec3 bent = with_relief(n);
+    float turned = dot(bent, sun_direction) / dot(n, sun_direction);
+#endif
 #ifdef CUTOUT
     if (is_hole(paint.a, at, float(textureSize(albedo, 0).x), facing)) discard;
 #endif
     paint.rgb *= 1.0 + fine.w * (2.0 * texture(detail, fine.xyz).r - 1.0);
     vec3 arriving = texture(light, at_light.xy / at_light.z).rgb;
+#ifdef RELIEF
+    if (textureSize(around, 0).x > 1) {  // as much more or less as arrives from around
+        arriving *= min(seen_around(bent, 5) / max(seen_around(n, 5), 0.001), 3.0);
+    }
+#endif
     float towards = dot(n, sun_direction);
 #ifdef CUTOUT
     if (towards < 0.0) {  // thin leaves let light through, and blue least
@@ -51,11 +63,17 @@ void main() {
     if (towards > 0.0) {
         vec3 p = where_ + n * (1.5 * shadow_texel * sqrt(1.0 - towards * towards) + 0.004);
         vec4 q = to_shadow * vec4(p, 1.0);
+#ifdef RELIEF
+        towards = max(towards * turned, 0.0);
+#endif
         float unhidden = texture(shadow, q.xyz);
         arriving += sun * (towards * unhidden);
         sunlight = sun * unhidden;
     }
     vec3 seen = paint.rgb * share.rgb * arriving;
+#ifdef RELIEF
+    n = bent;
+#endif
 #ifdef SHINY
     seen = with_reflection(seen, paint.rgb * share.rgb, share.a, n, arriving, sunlight);
 #endif

@@ -18,7 +18,7 @@ out vec4 share;  // of the albedo texture; gloss
 out vec4 fine;   // place and layer of the detail; its strength
 // A row each: scale of the albedo and gloss; layer and strength of the detail, layer of the albedo, metal.
 uniform sampler2D materials;
-#ifdef SHINY
+#if defined(SHINY) || defined(RELIEF)
 uniform sampler2D rooms;  // a row each: where it is seen from, corners of its box [m]
 flat out vec4 room;
 flat out vec3 low;
@@ -34,7 +34,7 @@ void main() {
     at_light = vec3(light_at, 1.0) * one;
     share = texelFetch(materials, ivec2(0, int(material)), 0) * vec4(tint, 1.0);
     fine = vec4(detail_at, second.xy);
-#ifdef SHINY
+#if defined(SHINY) || defined(RELIEF)
     int number = int(normal.w);
     room = vec4(texelFetch(rooms, ivec2(0, number), 0).xyz, normal.w);
     low = texelFetch(rooms, ivec2(1, number), 0).xyz;

@@ -23,7 +23,7 @@ from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.light.bake import baked, charts_of, texels_of
 from evenlight.stimuli.scenes.engine.material_textures import material_textures
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
-from evenlight.stimuli.scenes.engine.scene import Quality, Scene, Sky
+from evenlight.stimuli.scenes.engine.scene import Quality, Scene, Sky, Sun
 from evenlight.stimuli.scenes.gltf import texture_memory
 from evenlight.stimuli.scenes.gltf.gltf_differences import words_of_differences
 from evenlight.stimuli.scenes.gltf.gltf_file import read_gltf
@@ -198,6 +198,39 @@ def test_an_image_in_webp_is_read_before_the_one_for_others(tmp_path):
     np.testing.assert_allclose(albedo, 0.503, atol=0.004)  # of code 188 (IEC 61966-2-1)
 
 
+@pytest.mark.parametrize(
+    ("u", "down", "towards"),  # coordinates at the corners, and where u and v of the picture grow
+    [
+        ([0, 1, 1, 0], [1, 1, 0, 0], [[1, 0], [0, 1]]),
+        ([1, 0, 0, 1], [1, 1, 0, 0], [[-1, 0], [0, 1]]),  # mirrored
+        ([0, 1, 1, 0], [0, 0, 1, 1], [[1, 0], [0, -1]]),  # mirrored the other way
+        ([1, 1, 0, 0], [0, 5, 5, 0], [[0, -1], [-1, 0]]),  # turned, and denser along v
+    ],
+)
+@pytest.mark.parametrize("leaning", [[0.5, 0], [0, 0.5], [-0.3, 0.4]])
+@pytest.mark.parametrize("scale", [1, 2])
+def test_a_normal_map_turns_the_sun_s_light(tmp_path, context, u, down, towards, leaning, scale):
+    """By 30 degrees: white paper has the sun's light by the cosine (Lambert), within 3 codes of 8 bits."""
+    upright = math.sqrt(0.75)
+    stored = np.array([*leaning, upright * scale]) / math.hypot(0.5, upright * scale)
+    glb, (x, y) = matt_room(), leaning @ np.array(towards)
+    coordinates = np.column_stack([u, down]).astype("<f4")
+    glb.header["meshes"][FLOOR]["primitives"][0]["attributes"]["TEXCOORD_0"] = glb.add_array(
+        coordinates, "VEC2", 5126
+    )
+    glb.add_texture(FLOOR, image_bytes(np.full((4, 8, 3), np.rint((stored + 1) * 127.5), np.uint8)))
+    del glb.header["materials"][FLOOR]["pbrMetallicRoughness"]["baseColorTexture"]
+    glb.header["materials"][FLOOR]["normalTexture"] = {"index": 0, "scale": scale}
+    glb.header["scenes"][0]["nodes"] = [FLOOR]
+    sun = Sun(60.0, 40.0, 200.0)
+    scene = replace(read(tmp_path, glb), sun=sun)
+    assert not scene.unlike
+    renderer = SceneRenderer(context, scene, (16, 16), Quality.COARSE, OFFLINE)
+    renderer.render(DOWN)
+    expected = sun.luminance() * max(sun.direction() @ [x, y, upright], 0)
+    np.testing.assert_allclose(renderer.luminance(), np.tile(expected, (16, 16, 1)), atol=3 / 255 * 64)
+
+
 def test_a_surface_that_is_half_there_shows_half_of_what_is_behind(tmp_path, context):
     """Red of 0.8 and an opacity of 0.25 over white: 1 - 0.25 + 0.25 x 0.8 in red, 0.75 else; two of them."""
     glb = matt_room()
@@ -280,7 +313,9 @@ def straight_down(height: float) -> CameraPath:
 def test_what_is_not_as_in_the_file_is_listed_once_with_its_share_of_the_view(tmp_path):
     """From 4 m, 8 x 4.5 m are seen; the floor is 4 x 4 m, and the lamp over it is not seen from behind."""
     glb = room()
-    glb.header["materials"][FLOOR] |= {"name": "tiles", "normalTexture": {}, "alphaMode": "MASK"}
+    glb.add_texture(FLOOR, two_coloured())
+    relief = {"index": 0, "texCoord": 1}
+    glb.header["materials"][FLOOR] |= {"name": "tiles", "normalTexture": relief, "alphaMode": "MASK"}
     glb.header["meshes"][FLOOR] |= {"name": "floor"}
     glb.header["nodes"].append(glb.header["nodes"][0] | {"translation": [0, -1, 0]})  # below, hidden
     glb.header["scenes"][0]["nodes"].append(2)
@@ -291,7 +326,7 @@ def test_what_is_not_as_in_the_file_is_listed_once_with_its_share_of_the_view(tm
     assert [line.partition("view: ")[2] for line in lines] == [
         "animation (stands still): floor",
         "holes in one side (seen from both): tiles on floor",
-        "normal map (drawn smooth): tiles on floor",
+        "normal map that lies unlike the colour (drawn smooth): tiles on floor",
         "base colour of a lamp (only its light): material 1 on mesh 1",
     ]
 

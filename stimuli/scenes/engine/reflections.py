@@ -37,6 +37,7 @@ CELL = 1.5  # [m] candidates are about so far apart
 TIGHT, MIDDLE = 0.3, 1.5  # [m] from a surface, from where its surroundings are seen: at least, at most
 THICK = 0.05  # [m] that lies on a surface does not hide it
 COVERED = 0.98  # of what is smooth, by area and gloss, is seen by the rooms' middles
+UNEVEN = 0.3  # what has a relief counts like this, if it is not smoother
 WALLS = 1  # grade of the lobe in which the walls of a room are sought
 FARTHEST = 100.0  # [m] all beyond, and the sky, is taken to be this far away
 # Right, up and forward of each of the six views.
@@ -49,10 +50,9 @@ Draw = Callable[[list[EyeView]], NDArray[np.float32]]
 
 
 def shine_of(scene: Scene) -> Floats:
-    """Return how smooth or metallic each patch is, (n,): 0 if it reflects nothing."""
-    return np.array([max(material.gloss, material.metal) for material in scene.materials])[
-        scene.patches.material
-    ]
+    """Return how smooth or metallic each patch is, (n,), or `UNEVEN`: 0 if it needs nothing around."""
+    own = [max(m.gloss, m.metal, UNEVEN * (m.relief is not None)) for m in scene.materials]
+    return np.array(own)[scene.patches.material]
 
 
 def reflections(
@@ -97,7 +97,7 @@ def surroundings(
     digest = hashlib.sha256(repr((scenes_sha256(), scene.sun, scene.sky)).encode())
     shine = [(material.gloss, material.metal) for material in scene.materials]
     for array in (patches.origin, patches.along, patches.across, patches.tint, np.array(shine), light,
-                  *textures.codes):  # fmt: skip
+                  *textures.codes, *(m.relief for m in scene.materials if m.relief is not None)):  # fmt: skip
         digest.update(np.ascontiguousarray(array).tobytes())
     name, width = f"reflections-{scene.name}-{digest.hexdigest()}", SIDES[0] + 2 * RIM
     stored = cached_array(name)

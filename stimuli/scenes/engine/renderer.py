@@ -19,7 +19,7 @@ from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
 from evenlight.stimuli.scenes.engine.material_textures import SIZE, MaterialTextures, material_textures
 from evenlight.stimuli.scenes.engine.reflections import LAYOUT_OF_PICTURES, reflections, shine_of
 from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene
-from evenlight.stimuli.scenes.engine.texture_arrays import ALBEDO, CUTOFFS, TextureArrays, detail_texture
+from evenlight.stimuli.scenes.engine.texture_arrays import UNITS, TextureArrays, detail_texture
 from evenlight.stimuli.scenes.engine.vertices import (
     ATTRIBUTES,
     BLENDED,
@@ -337,8 +337,8 @@ class GraphicsScene:
         program = self._context.program(vertex_shader=vertex, fragment_shader=fragment)
         surface = self._context.vertex_array(program, [(self._vertices, LAYOUT, *ATTRIBUTES)], self._indices)
         set_uniforms(
-            surface, brightest=BRIGHTEST, albedo=ALBEDO, light=LIGHT, shadow=SHADOW, materials=MATERIALS,
-            detail=DETAIL, cutoffs=CUTOFFS, around=AROUND, rooms=ROOMS, **LAYOUT_OF_PICTURES,
+            surface, brightest=BRIGHTEST, light=LIGHT, shadow=SHADOW, materials=MATERIALS, detail=DETAIL,
+            around=AROUND, rooms=ROOMS, **UNITS, **LAYOUT_OF_PICTURES,
         )  # fmt: skip
         return surface
 
@@ -387,8 +387,7 @@ class GraphicsScene:
         )
         content = [(self._vertices, "3f4 8x1 2f4 28x1 1f4", "position", "uv", "material")]
         caster = self._context.vertex_array(program, content, self._indices)
-        units = {"albedo": ALBEDO, "cutoffs": CUTOFFS, "materials": MATERIALS}
-        set_uniforms(caster, **units, numbering=NONE.numbering())
+        set_uniforms(caster, **UNITS, materials=MATERIALS, numbering=NONE.numbering())
         return caster
 
     def _depth_only(self, indices: moderngl.Buffer) -> moderngl.VertexArray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import Any, Protocol
 
@@ -54,6 +54,8 @@ class Material:
         the rest. The albedo is then that of the whole place, the see-through part of it counted as black.
     sampling : Sampling or None
         Of an image; None for textures that are made in the size that is asked for.
+    relief : array of uint8, (height, width, 2), or None
+        How normals lean towards where u and v grow, -1 to 1 in 255 steps, row 0 at the bottom.
     """
 
     name: str
@@ -64,6 +66,7 @@ class Material:
     cutout: bool = False
     blended: bool = False
     sampling: Sampling | None = None
+    relief: NDArray[np.uint8] | None = field(default=None, compare=False)
 
     def __post_init__(self) -> None:
         if not self.tile > 0:

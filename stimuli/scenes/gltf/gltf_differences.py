@@ -16,7 +16,7 @@ from evenlight.stimuli.scenes.engine.material_textures import material_textures
 from evenlight.stimuli.scenes.engine.scene import Difference, Scene
 from evenlight.stimuli.scenes.engine.vertices import BLENDED, kinds_of
 from evenlight.stimuli.scenes.gltf.gltf_file import BRIGHTEST
-from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named
+from evenlight.stimuli.scenes.gltf.gltf_materials import SPECULAR, extension, light_of, named, relief_of
 
 DRAWN_AS_BRIGHTEST = 150.0  # [cd/m^2] to a lamp that is brighter, what it reflects adds nothing
 # Instead of extensions of materials, shown wholly or in part.
@@ -75,14 +75,15 @@ def _of_material(header: dict[str, Any], entry: dict[str, Any]) -> Iterator[str]
         yield "metal and roughness of a texture (their means)"
     if entry.get("alphaMode") == "MASK" and not entry.get("doubleSided"):
         yield "holes in one side (seen from both)"
-    if "normalTexture" in entry:
-        yield "normal map (drawn smooth)"
+    if "normalTexture" in entry and relief_of(entry) is None:
+        yield "normal map that lies unlike the colour (drawn smooth)"
     if "occlusionTexture" in entry:
         yield "occlusion map (light is computed)"
     for name in sorted(extensions):
         if INSTEAD.get(name, "left out"):
             yield f"{name} ({INSTEAD.get(name, 'left out')})"
-    for texture in (paint.get("baseColorTexture"), shiny.get("diffuseTexture"), entry.get("emissiveTexture")):
+    shown = paint.get("baseColorTexture"), shiny.get("diffuseTexture"), relief_of(entry)
+    for texture in (*shown, entry.get("emissiveTexture")):
         if texture is not None:
             kinds = header["textures"][texture["index"]]
             if "source" not in kinds and "EXT_texture_webp" not in kinds.get("extensions", {}):

@@ -83,7 +83,7 @@ class Surfaces:
         emission, glow = light_of(entry), None
         shining = entry.get("emissiveTexture") if emission.any() else None
         if shining is not None and self._file.image(shining["index"]) is not None:
-            material, laid = self._made(shining, (0.0, 0.0), None, LAID_OVER)
+            material, laid = self._made(shining, None, (0.0, 0.0), None, LAID_OVER)
             light = self.materials()[material].texture(np.random.default_rng(0), (GLOW_SIZE, GLOW_SIZE))
             glow = Surface(material, np.ones(3), emission, both, laid, light=light[..., :3])
             emission = np.zeros(3)
@@ -91,8 +91,9 @@ class Surfaces:
         blended = (mode == "BLEND" or through > 0) and not emission.any()
         opacity = (1.0 if mode == "OPAQUE" else opacity) * (1 - min(through, 1.0))
         cutoff = float(entry.get("alphaCutoff", THERE)) if mode == "MASK" and not blended else None
+        relief = relief_of(entry)
         if emission.any():
-            texture, cutoff, tint, gloss, metal = None, None, [1, 1, 1], 0.0, 0.0
+            texture, relief, cutoff, tint, gloss, metal = None, None, None, [1, 1, 1], 0.0, 0.0
         image = None if texture is None else self._file.image(texture["index"])
         if (blended and not (opacity or through)) or (image is None and opacity < (cutoff or 0)):
             return None
@@ -100,7 +101,7 @@ class Surfaces:
         needed = 1.0 if blended else cutoff
         if image is None or needed is None or np.asarray(image.getchannel(3)).min() / 255 >= needed:
             cutoff, blended = None, blended and opacity < 1
-        material, laid = self._made(texture, (gloss, metal), cutoff, opacity if blended else None)
+        material, laid = self._made(texture, relief, (gloss, metal), cutoff, opacity if blended else None)
         return Surface(material, np.array(tint), emission, both and cutoff is None, laid, glow)
 
     def _shine_of(self, entry: dict[str, Any]) -> tuple[float, float]:
@@ -121,37 +122,41 @@ class Surfaces:
         return gloss, metal
 
     def _made(
-        self, texture: dict[str, Any] | None, shine: tuple[float, float], cutoff: float | None,
-        opacity: float | None,
+        self, texture: dict[str, Any] | None, relief: dict[str, Any] | None, shine: tuple[float, float],
+        cutoff: float | None, opacity: float | None,
     ) -> tuple[int, Laid]:  # fmt: skip
         """Return the number of a material, made if it is new, and how its texture lies."""
         from PIL import Image as Images
 
         image, source, name = Images.new("RGBA", (1, 1), "white"), None, ""
-        sampler: dict[str, Any] = {}
-        found = None if texture is None else self._file.image(texture["index"])
+        found, map_ = (None if one is None else self._file.image(one["index"]) for one in (texture, relief))
+        bumps = (
+            None if relief is None else (self._file.source(relief["index"]), float(relief.get("scale", 1)))
+        )
         if texture is not None and found is not None:
-            image, entry = found, self._file.header["textures"][texture["index"]]
-            source = self._file.source(texture["index"])
+            image, source = found, self._file.source(texture["index"])
             name = named(self._file.header["images"][source], f"image {source}")
-            sampler = self._file.header["samplers"][entry["sampler"]] if "sampler" in entry else {}
+        lying = (texture if found is not None else relief if map_ is not None else None) or {}
+        number = self._file.header["textures"][lying["index"]].get("sampler") if lying else None
+        sampler = {} if number is None else self._file.header["samplers"][number]
         across, down = sampler.get("wrapS"), sampler.get("wrapT")
         mirrored, clamped = ((across == kind, down == kind) for kind in (MIRRORED, CLAMPED))
         nearest = sampler.get("magFilter") == NEAREST
-        key = source, cutoff, opacity, shine, mirrored, clamped, nearest
+        key = source, bumps, cutoff, opacity, shine, mirrored, clamped, nearest
         if key not in self._materials:
             if len(self._materials) >= MOST_TEXTURES:
                 raise InputError(
                     f"{self._file.path}: it has more than {MOST_TEXTURES} textures; put some into one image"
                 )
-            self._pixels += image.width * image.height
+            self._pixels += image.width * image.height + (0 if map_ is None else map_.width * map_.height)
             require_size(self._pixels, MOST_SCENE_PIXELS, self._file.path, "pixels in its textures")
             size = image.width * (1 + mirrored[0]), image.height * (1 + mirrored[1])
             # A partial function, which the cache of textures leaves alone: its name does not tell the image.
             made = partial(_resampled, image, cutoff, opacity, mirrored)
             kind = *shine, cutoff is not None, opacity is not None, Sampling(size, clamped, nearest, name)
-            self._materials[key] = Material(f"image {key}", made, 1.0, *kind)
-        return list(self._materials).index(key), _laid(texture or {}, mirrored)
+            uneven = None if map_ is None or bumps is None else _relief(map_, bumps[1], mirrored)
+            self._materials[key] = Material(f"image {key}", made, 1.0, *kind, uneven)
+        return list(self._materials).index(key), _laid(lying, mirrored)
 
 
 def paint_of(entry: dict[str, Any]) -> tuple[Floats, dict[str, Any] | None]:
@@ -165,6 +170,16 @@ def paint_of(entry: dict[str, Any]) -> tuple[Floats, dict[str, Any] | None]:
         colour[:3] *= 1 - min(numbers(shiny.get("specularFactor", (1, 1, 1)), 3).max(), 1.0)
         return colour, shiny.get("diffuseTexture")
     return numbers(paint.get("baseColorFactor", (1, 1, 1, 1)), 4), paint.get("baseColorTexture")
+
+
+def relief_of(entry: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the normal map of a material, if it lies as the texture of its colour does."""
+    relief, colour = entry.get("normalTexture"), paint_of(entry)[1]
+    if relief is not None and colour is not None:
+        own, other = (_laid(one, (False, False)) for one in (relief, colour))
+        if own.coordinates != other.coordinates or not np.allclose(own.matrix, other.matrix):
+            return None
+    return None if relief is None else dict(relief)
 
 
 def named(entry: dict[str, Any], otherwise: str) -> str:
@@ -230,13 +245,27 @@ def _resampled(
         channels.append(kept[alpha].clip(0))
         if opacity is not None and opacity != LAID_OVER:
             channels[:3] = [channel * channels[3] for channel in channels[:3]]
-    for axis in (0, 1):
-        if mirrored[1 - axis]:
-            channels = [np.concatenate([one, np.flip(one, axis)], axis) for one in channels]
+    channels = [_with_mirror_image(one, mirrored) for one in channels]
     if size != channels[0].shape[::-1]:
         box = Images.Resampling.BOX
         channels = [np.asarray(Images.fromarray(one).resize(size, box)) for one in channels]
     return np.asarray(np.clip(np.stack(channels, axis=2), 0, 1), dtype=np.float32)
+
+
+def _relief(image: Image, scale: float, mirrored: tuple[bool, bool]) -> NDArray[np.uint8]:
+    """Return how normals lean (`Material.relief`), after a scale, and of unit length."""
+    normals = np.asarray(image.convert("RGB"), dtype=np.float32) / 127.5 - 1
+    normals[..., :2] *= scale
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-6)
+    codes = np.rint((normals[..., :2] + 1) * 127.5).astype(np.uint8)
+    return np.ascontiguousarray(_with_mirror_image(codes, mirrored)[::-1])
+
+
+def _with_mirror_image(image: NDArray[Any], mirrored: tuple[bool, bool]) -> NDArray[Any]:
+    for axis in (0, 1):
+        if mirrored[1 - axis]:
+            image = np.concatenate([image, np.flip(image, axis)], axis)
+    return image
 
 
 def _linear(image: Image, channel: int) -> NDArray[np.float32]:
