@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 import sys
 import time
@@ -34,6 +35,7 @@ from evenlight.experiments.desktop.resting import others_at_work, reasons
 from evenlight.experiments.desktop.screens import WatchedScreen, opened_screens
 from evenlight.experiments.desktop.user_service import install, uninstall, unit, unit_file
 from evenlight.experiments.follow.watchdog import kept_backlight
+from evenlight.hardware.protocols import InstrumentError
 from evenlight.method.choices import LimitCurve
 from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.power import power_per_factor
@@ -132,6 +134,9 @@ def _dim(options: LiveOptions, backlights: list[str]) -> None:
             while True:
                 loop.run_once()
         finally:
+            for one in monitors:  # as its watchdog does, which somebody may have ended
+                with contextlib.suppress(InstrumentError):
+                    one.dimmer.backlight.set_factor(one.dimmer.ceiling)
             write_state(loop.state(), to_disk=True)
             tell(loop.state().in_words())
 

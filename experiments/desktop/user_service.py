@@ -22,7 +22,7 @@ def unit_file() -> Path:
 
 def unit(arguments: list[str]) -> str:
     """Return the unit that runs `evenlight live` with some arguments."""
-    command = shlex.join([sys.executable, "-m", "evenlight", "live", *arguments, "--quiet"])
+    command = shlex.join([sys.executable, "-P", "-m", "evenlight", "live", *arguments, "--quiet"])
     command, here = (text.replace("%", "%%") for text in (command.replace("$", "$$"), str(Path.cwd())))
     return (
         "[Unit]\nDescription=Evenlight: the backlight follows what is on the screen\n"

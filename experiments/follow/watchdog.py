@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -25,14 +26,23 @@ TRIES, PAUSE = 20, 0.1  # [s] between: the system may take a moment to free a de
 
 
 class BrightnessWatchdog:
-    """Watches over a backlight, found at some factor, from before its first setting until `done`."""
+    """Watches over a backlight, found at some factor, from before its first setting until `done`.
+
+    Raises
+    ------
+    InstrumentError
+        If it does not start, so that nothing may be set.
+    """
 
     def __init__(self, backlight: str, curve: str, found: float) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", __name__, backlight, curve, repr(found)],
-            stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+            [sys.executable, "-P", "-m", __name__, backlight, curve, repr(found)],
+            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL,
             start_new_session=True,  # Ctrl-C and the end of the terminal are not meant for it
         )  # fmt: skip
+        assert self._process.stdout is not None
+        if not self._process.stdout.readline():
+            raise InstrumentError("what would bring the brightness back has ended: nothing is dimmed")
 
     def bring_back(self, factor: float) -> None:
         """Bring back this factor, in place of what was found or said before."""
@@ -105,6 +115,9 @@ def _retried(attempt: Callable[[], Any]) -> Any:
 
 
 if __name__ == "__main__":
+    for name in ("SIGTERM", "SIGINT", "SIGHUP"):  # systemd sends them to all processes of a service
+        signal.signal(getattr(signal, name), signal.SIG_IGN)
+    print("ready", flush=True)
     said = sys.stdin.buffer.read()
     if not said.endswith(DONE):
         restore(sys.argv[1], sys.argv[2], float((said.split() or [sys.argv[3]])[-1]))

@@ -297,7 +297,7 @@ def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, c
     monkeypatch.setenv("PATH", f"{program.parent}:{os.environ['PATH']}")
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
     text = user_service.unit(["--backlight", "sysfs:my panel", "--rate-limit", "$5%.json"])
-    assert "live --backlight 'sysfs:my panel' --rate-limit '$$5%%.json' --quiet" in text
+    assert "-P -m evenlight live --backlight 'sysfs:my panel' --rate-limit '$$5%%.json' --quiet" in text
     assert f"\nWorkingDirectory={Path.cwd()}\n" in text  # where the files are that it names
     user_service.install(text)
     assert user_service.unit_file().read_text() == text
@@ -333,8 +333,13 @@ def test_what_cannot_be_is_told_in_a_line(words, told, command, tmp_path, monkey
     assert done.err.count("\n") == 1
 
 
-def test_a_killed_program_leaves_the_brightness_that_its_user_has_set(tmp_path: Path) -> None:
-    """Found at 900, dimmed, set to 600 by its user, dimmed further, killed."""
+def test_a_killed_program_leaves_the_brightness_that_its_user_has_set(tmp_path: Path, monkeypatch) -> None:
+    """Found at 900, dimmed, set to 600 by its user, dimmed further, killed; all were told to end before.
+
+    Modules of the current folder are none of its own.
+    """
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "platform.py").write_text("raise SystemExit")
     program = tmp_path / "panel.py"
     program.write_text(PROGRAM)
     step = tmp_path / "panel.step"
@@ -344,11 +349,13 @@ def test_a_killed_program_leaves_the_brightness_that_its_user_has_set(tmp_path: 
         "from evenlight.experiments.follow.watchdog import kept_backlight\n"
         f"device, watchdog = kept_backlight('exec:{sys.executable} {program}', '')\n"
         "device.set_factor(0.7); watchdog.bring_back(0.6); device.set_factor(0.4)\n"
-        "print('dimmed', flush=True); time.sleep(600)\n"
+        "print(watchdog._process.pid, flush=True); time.sleep(600)\n"
     )
-    with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([sys.executable, "-P", "-c", code], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
-        assert process.stdout.readline() == "dimmed\n"
+        watchdog = int(process.stdout.readline())
+        for one in (signal.SIGTERM, signal.SIGHUP, signal.SIGINT):
+            os.kill(watchdog, one)
         assert step.read_text() == "400"
         process.kill()
     end = time.monotonic() + 120

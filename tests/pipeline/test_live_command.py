@@ -1,5 +1,6 @@
 """`evenlight live` on a virtual screen, with a panel behind a program: dimmed, set by its user, ended."""
 
+import contextlib
 import json
 import os
 import select
@@ -73,6 +74,14 @@ class Desktop:
             assert time.monotonic() < end, self.step.read_text()
             time.sleep(0.02)
 
+    def signal_others(self, number: int, named: bytes = b"") -> None:
+        """Signal the processes that it has started, or those of a name among them."""
+        for file in Path("/proc").glob("[0-9]*/status"):
+            with contextlib.suppress(OSError):  # it has ended
+                own = f"\nPPid:\t{self.program.pid}\n" in file.read_text()
+                if own and named in (file.parent / "cmdline").read_bytes():
+                    os.kill(int(file.parent.name), number)
+
     def end(self) -> None:
         for process in (self.program, self.screen):
             process.kill()
@@ -87,9 +96,12 @@ def desktop(tmp_path: Path) -> Iterator[Desktop]:
     made.end()
 
 
-@pytest.mark.parametrize("end", ["TERM", "HUP", "KILL", "screen"])
+@pytest.mark.parametrize("end", ["TERM", "HUP", "KILL", "screen", "group", "alone"])
 def test_the_brightness_of_its_user_comes_back_however_it_ends(desktop: Desktop, end: str) -> None:
-    """Dimmed from 900; its user sets 600, which is kept, and the ceiling goes with it."""
+    """Dimmed from 900; its user sets 600, which is kept, and the ceiling goes with it.
+
+    systemd ends all of a group at once; alone, it has lost its watchdog.
+    """
     desktop.becomes(lambda step: step < FOUND - 5)
     assert (desktop.said() or "").endswith("panel.py: monitor screen, 640x480\n")
     desktop.set_to(SET)
@@ -106,7 +118,11 @@ def test_the_brightness_of_its_user_comes_back_however_it_ends(desktop: Desktop,
     if end == "screen":
         desktop.screen.kill()
     else:
-        desktop.program.send_signal(getattr(signal, f"SIG{end}"))
+        if end == "group":
+            desktop.signal_others(signal.SIGTERM)
+        elif end == "alone":
+            desktop.signal_others(signal.SIGKILL, b"watchdog")
+        desktop.program.send_signal(getattr(signal, f"SIG{end}", signal.SIGTERM))
     told = desktop.program.communicate(timeout=LONGEST)[1]
     desktop.becomes(lambda step: abs(step - ceiling) <= 1)
     if end == "screen":
