@@ -57,7 +57,7 @@ class LiveLoop:
             self._look_at = max(self._look_at + LOOKS, now)
         due = [self._look_at]
         for one in self.monitors:
-            if one.dimmer.film is not None or not one.dimmer.reached:
+            if not one.dimmer.absent and (one.dimmer.film is not None or not one.dimmer.reached):
                 one.dimmer.step()
                 due.append(one.dimmer.due(self.clock()))
         self.sleep(max(min(due) - self.clock(), 0.0))
@@ -68,7 +68,7 @@ class LiveLoop:
             if one.dimmer.notice_user():
                 one.bring_back(one.dimmer.ceiling)
                 self.tell(f"{one.backlight} was set to {one.dimmer.set_to:.0%}: kept")
-            reason = why or self._look_at_one(one, now, passed)
+            reason = one.dimmer.absent or why or self._look_at_one(one, now, passed)
             one.dimmer.resting = bool(reason)
             if reason != self._why[k]:
                 self.tell(f"{one.backlight} " + (f"rests: {reason}" if reason else "is dimmed again"))

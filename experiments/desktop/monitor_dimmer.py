@@ -3,6 +3,8 @@
 What the user sets counts as full: the loss is that beside the picture at that brightness, and the factor is a
 share of it. Whoever moves the backlight meanwhile (keys, a slider, a daemon) is right: the ceiling goes with
 them, and the factor below it stays. Where that would be above full, it is dimmed no lower than what they set.
+While it rests, what they set is the ceiling. A desktop dims while nobody is there, and sets back what it
+found: so does the ceiling. A panel that is off, or does not answer, is waited for.
 
 Decision (docs/decisions/rate-constraint.md): the limit is on what a step of the factor changes in the picture
 on screen. Which one that is nobody knows between two looks, so a step keeps the limit of every picture up to
@@ -19,13 +21,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from evenlight.data_schema.arrays import Array
-from evenlight.hardware.protocols import Backlight
+from evenlight.hardware.protocols import Backlight, InstrumentError
 from evenlight.method.rate_limit import ScalarRateLimit, furthest_factor
 
 SHORTEST = 0.02  # [s] between two settings
 HALF_A_STEP = 0.51  # of the backlight's steps: from here on somebody else has set it
 LATE = 1.0  # [s] that a device may be in telling what it was set to
 ROUNDING = 1e-6  # of a step
+SAME = 0.01  # of a factor: desktops keep whole percentages
 # A device goes to its nearest step, which is no further than its widest one if so much less is asked for.
 ALMOST_HALF, MARGIN = 0.49, 0.02
 
@@ -86,6 +89,9 @@ class MonitorDimmer:
         self._of_any = limit_of_any_picture(self.rate_limit, self.white)
         self._loss = np.zeros(len(self.knots))
         self._floor = 0.0  # set by a user who found full backlight dimmed too far
+        # Where it stood when somebody lowered it, with what was the ceiling and the floor.
+        self._lowered: list[tuple[float, float, float]] = []
+        self.absent = ""  # why it can be neither read nor set
         self._room = self.backlight.step()
         self._shortest = max(SHORTEST, self.backlight.min_interval())
 
@@ -104,10 +110,10 @@ class MonitorDimmer:
         """Where the backlight is wanted: at the lowest factor that loses no more than the target."""
         if self.resting or not self.ceiling > 0:
             return self.ceiling
-        if self.film is not None:
-            return max(self.film.factor * self.ceiling, self.backlight.smallest_factor())
         lowest = max(self.lowest * self.ceiling, self._floor, self.backlight.smallest_factor())
         lowest = min(lowest, self.ceiling)
+        if self.film is not None:
+            return max(self.film.factor * self.ceiling, lowest)
         between = self.knots[(self.knots > lowest) & (self.knots < self.ceiling)]
         at = np.concatenate([[lowest], between, [self.ceiling]])
         loss = self.loss_at(at / self.ceiling)
@@ -140,12 +146,19 @@ class MonitorDimmer:
     def notice_user(self) -> bool:
         """Take a brightness that somebody else has set for what counts as full; return whether it is so."""
         found = self._set_by_others()
-        if found is None:
+        if found is None or self.absent:
             return False
-        share = self.factor
+        share = 1.0 if self.resting else self.factor
         full = found / share if share > 0 else found
+        before, near = (self.set_to, self.ceiling, self._floor), max(self._room, SAME)
         self.ceiling = min(full, 1.0)
-        self._floor = 0.0 if self.resting or full <= 1 + self._room else found
+        self._floor = 0.0 if full <= 1 + self._room else found
+        while self._lowered and self._lowered[-1][0] < found - near:
+            self._lowered.pop()
+        if found < self.set_to:
+            self._lowered.append(before)
+        elif self._lowered and self._lowered[-1][0] <= found + near:
+            _, self.ceiling, self._floor = self._lowered.pop()
         self._changed = self.clock()
         self.set_to, self._path = found, [(self._changed, found)]
         return True
@@ -154,11 +167,19 @@ class MonitorDimmer:
         """Return where somebody else has set the backlight; None if nobody has.
 
         A device may be late to tell what it was set to: where it was within the last second is its own way,
-        but for what it has told to be past.
+        but for what it has told to be past. Off, a panel reads 0.
         """
         while len(self._path) > 1 and self._path[1][0] <= self.clock() - LATE:
             del self._path[0]
-        found, room = self.backlight.read_factor(), HALF_A_STEP * self._room
+        room, self.absent = HALF_A_STEP * self._room, ""
+        try:
+            found = self.backlight.read_factor()
+            if found < self.backlight.smallest_factor() * (1 - ROUNDING):
+                self.absent = "it is off"
+        except InstrumentError as error:
+            found, self.absent = 0.0, str(error)
+        if self.absent:
+            return found
         for k in reversed(range(len(self._path))):
             between = [factor for _, factor in self._path[k : k + 2]]
             if min(between) - room <= found <= max(between) + room:
@@ -182,7 +203,12 @@ class MonitorDimmer:
         if not count:
             return False
         wanted = self.set_to + math.copysign((count - ALMOST_HALF) * self._room, steps)
-        self.set_to = self.backlight.set_factor(min(max(wanted, self.backlight.smallest_factor()), 1.0))
+        wanted = min(max(wanted, self.backlight.smallest_factor()), 1.0)
+        try:
+            self.set_to = self.backlight.set_factor(wanted)
+        except InstrumentError as error:  # it is off, or its user has set it at this moment
+            self.absent = str(error)
+            return False
         self._changed = self.clock()
         self._path.append((self._changed, self.set_to))
         return True

@@ -22,7 +22,7 @@ from evenlight.hardware.protocols import Backlight, InstrumentError
 from evenlight.hardware.rig import is_simulated, open_backlight
 
 DONE = b"done"
-TRIES, PAUSE = 20, 0.1  # [s] between: the system may take a moment to free a device of the dead
+TRIES, PAUSE = 600, 0.1  # [s] between: the system frees a device of the dead, a monitor is switched on
 
 
 class BrightnessWatchdog:

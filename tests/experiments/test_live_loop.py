@@ -137,7 +137,14 @@ def test_a_monitor_may_change_its_size_go_and_come_back() -> None:
     desk.grabber.monitors += away
     desk.run(5.0)
     assert desk.said[1:] == ["panel is dimmed again"]
-    assert desk.backlight.read_factor() < 0.95
+    dimmed = desk.backlight.read_factor()
+    assert dimmed < 0.95
+    desk.backlight._at = 0
+    desk.run(5.0)
+    desk.backlight.set_factor(dimmed)
+    desk.run(5.0)
+    assert desk.said[2:] == ["panel rests: it is off", "panel is dimmed again"]
+    assert desk.brought_back == []
 
 
 def test_it_dims_rests_and_tells_what_its_user_has_set() -> None:

@@ -11,6 +11,7 @@ from stepped_panel import SteppedPanel
 from evenlight.experiments.desktop.loss_target import LossTarget
 from evenlight.experiments.desktop.monitor_dimmer import FilmFrame, MonitorDimmer, ScreenLight
 from evenlight.hardware.backlight_curve import BacklightCurve, LinearizedBacklight
+from evenlight.hardware.protocols import InstrumentError
 
 KNOTS = np.linspace(0.1, 1.0, 10)
 SQUARE = BacklightCurve((0.1, 0.5, 1.0), (2.0, 50.0, 200.0))  # of the light of a panel's steps
@@ -138,6 +139,85 @@ def test_a_film_with_a_track_is_dimmed_by_it_at_the_light_of_its_frames() -> Non
     assert desk.dimmer.goal == pytest.approx(0.8)
 
 
+def test_its_user_wins_against_a_film_s_track() -> None:
+    """Full is 1, and 0.5 of it was raised to 0.6; a frame of 0.1 is shown at 0.3, the lowest."""
+    desk = Desk()
+    desk.dimmer.see(STRAIGHT)
+    desk.dimmer.film = FilmFrame(0.1, 10.0)
+    assert desk.dimmer.goal == 0.3
+    desk.dimmer.film = FilmFrame(0.5, 10.0)
+    desk.run(4.0)
+    desk.backlight.set_factor(0.6)
+    assert desk.dimmer.notice_user()
+    assert desk.dimmer.reached
+    assert desk.dimmer.set_to == 0.6
+
+
+@pytest.mark.parametrize("fails", [False, True])
+def test_a_panel_that_is_off_is_waited_for(fails: bool) -> None:
+    """It reads 0, or not at all; switched on, it is where it was left."""
+    desk = Desk()
+    desk.dimmer.see(STRAIGHT)
+    desk.run(2.0)
+    left, read = desk.dimmer.set_to, desk.backlight.read_factor
+
+    def asleep() -> float:
+        if fails:
+            raise InstrumentError("says nothing")
+        return 0.0
+
+    for _ in range(3):
+        desk.backlight.read_factor = asleep  # type: ignore[method-assign]
+        assert not desk.dimmer.notice_user()
+        assert not desk.dimmer.step()
+        assert desk.dimmer.absent == ("says nothing" if fails else "it is off")
+        desk.now += 2.0
+        desk.backlight.read_factor = read  # type: ignore[method-assign]
+        assert not desk.dimmer.notice_user()
+        assert not desk.dimmer.absent
+    assert (desk.dimmer.ceiling, desk.dimmer.set_to) == (1.0, left)
+
+
+def test_a_panel_that_refuses_a_setting_is_tried_again() -> None:
+    desk, set_factor = Desk(), SteppedPanel.set_factor
+    desk.dimmer.see(STRAIGHT)
+    desk.now = 1.0
+
+    def refuses(factor: float) -> float:
+        raise InstrumentError("was set to step 7, and says 9")
+
+    desk.backlight.set_factor = refuses  # type: ignore[method-assign]
+    assert not desk.dimmer.step()
+    assert desk.dimmer.absent == "was set to step 7, and says 9"
+    desk.backlight.set_factor = lambda factor: set_factor(desk.backlight, factor)  # type: ignore
+    assert not desk.dimmer.notice_user()
+    assert desk.dimmer.step()
+    assert not desk.dimmer.absent
+
+
+def test_what_a_desktop_has_dimmed_and_sets_back_is_as_it_was_before() -> None:
+    """Of 0.6, in two steps down while nobody is there; then a lock screen has nothing to lose."""
+    desk = Desk()
+    desk.backlight.set_factor(0.6)
+    desk.dimmer.notice_user()
+    desk.dimmer.see(STRAIGHT)
+    desk.run(8.0)
+    before = desk.dimmer.set_to
+    for factor in (0.8 * before, 0.3 * before):
+        desk.backlight.set_factor(factor)
+        assert desk.dimmer.notice_user()
+    desk.dimmer.see(ScreenLight(50.0, np.zeros(10)))
+    desk.run(8.0)
+    assert desk.dimmer.factor == pytest.approx(0.3, abs=1e-3)
+    for factor in (0.5 * before, before + 0.004):  # as a whole percentage
+        desk.backlight.set_factor(factor)
+        assert desk.dimmer.notice_user()
+    assert desk.dimmer.ceiling == 0.6
+    desk.backlight.set_factor(0.3)  # and lower by its user, who means it
+    desk.dimmer.notice_user()
+    assert desk.dimmer.ceiling < 0.6
+
+
 def test_at_rest_it_goes_back_within_the_limit() -> None:
     desk = Desk()
     desk.dimmer.see(STRAIGHT)
@@ -145,6 +225,11 @@ def test_at_rest_it_goes_back_within_the_limit() -> None:
     desk.dimmer.resting = True
     desk.run(2.5)  # 2 cd/m^2/s of 50: 0.1
     assert desk.backlight.read_factor() == pytest.approx(0.9, abs=2e-3)
+    desk.backlight.set_factor(0.7)  # of which nothing is to be dimmed now
+    assert desk.dimmer.notice_user()
+    assert desk.dimmer.reached
+    desk.backlight.set_factor(0.9)
+    desk.dimmer.notice_user()
     desk.run(4.0)
     assert desk.backlight.read_factor() == 1.0
 
