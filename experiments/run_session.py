@@ -225,7 +225,7 @@ def session_notes(
         if room and each.geometry and each.geometry.scale is not None:
             yield each.geometry.in_words(each.name, room)
         if note := floor_note(each.track, rig):
-            yield note
+            yield note.removeprefix("note: ")
 
 
 def _new_manifest(

@@ -30,6 +30,7 @@ from evenlight.experiments.playback.headset_picture import NARROWEST, WIDEST
 from evenlight.experiments.playback.screen_geometry import SAME_ANGLE, ScreenGeometry
 from evenlight.stimuli.dimmed.track_fit import require_fit
 from evenlight.stimuli.rings.ring_scene import ring_places, search_sha256
+from evenlight.stimuli.scenes.content.catalogue import files_sha256, path_named
 from evenlight.stimuli.sequence_format import FIELD_OF_VIEW
 from evenlight.stimuli.sequences import open_video
 from evenlight.stimuli.video.video_source import VideoSource, field_of_view_of, size_of
@@ -137,6 +138,12 @@ def as_searched(stimuli: Sequence[LoadedStimulus]) -> tuple[LoadedStimulus, ...]
     for each in stimuli:
         ring_places(each.path)
         _require_true_size(each)
+        made_of = each.track.header.provenance.inputs.get("path")
+        if each.path.endswith(".json") and made_of not in (None, files_sha256(path_named(each.path))):
+            raise InputError(
+                f"{each.folder}: its track was made when {each.path} or its scene was another; make it again "
+                f"with `evenlight optimize {each.path} --budget B --out {each.folder}`"
+            )
     return tuple(
         replace(each, stimulus=replace(each.stimulus, video_sha256=search_sha256(each.path)))
         for each in stimuli

@@ -30,6 +30,8 @@ from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.contrast.measures import MEASURES, measure_named
 from evenlight.method.optimizer.request import Request
 from evenlight.progress import counted, shown_progress
+from evenlight.stimuli.scenes.content.catalogue import files_sha256
+from evenlight.stimuli.scenes.scene_sequence import SceneSequence
 from evenlight.stimuli.video.video_analysis import VideoAnalysis
 from evenlight.stimuli.video.video_source import (
     VideoSource,
@@ -243,6 +245,8 @@ def _provenance(job: OptimizationJob, clips: Sequence[LossCurves] = ()) -> Prove
     """Return where a job's results come from; the seed where the solver draws random numbers."""
     analysed = clips[0].provenance.inputs.get("video") if clips else None
     inputs = {"video": analysed or job.source.sha256(), "display": sha256_of_record(job.display)}
+    if isinstance(job.source, SceneSequence):
+        inputs["path"] = files_sha256(job.source.path())
     for number, clip in enumerate(clips[1:], start=2):
         inputs[f"video_{number}"] = clip.provenance.inputs["video"]
     inputs["contrast_model"] = sha256_of_record(job.model)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,7 +28,7 @@ from evenlight.stimuli.renderers import image_renderer
 from evenlight.stimuli.scenes.content.catalogue import PATHS, is_scene_file, path_named, scene_to_walk
 from evenlight.stimuli.scenes.engine.antialiasing import LIVE
 from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, Camera, focal_length_of
-from evenlight.stimuli.scenes.engine.camera_path import CameraPath, on_ground, walked
+from evenlight.stimuli.scenes.engine.camera_path import CameraPath, floor_under, on_ground, walked
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Scene, Vector
 from evenlight.stimuli.video.viewing_geometry import pixels_per_degree_in
@@ -107,8 +108,8 @@ def start_in(scene: Scene, path: CameraPath | None = None) -> Walker:
     else:
         (x, y, floor), azimuth = scene.walkable[0].middle, 0.0
         z = floor + EYE_HEIGHT
-    floors = [floor for ground in scene.walkable for floor in ground.heights(x, y)]
-    return Walker((x, y, max((floor for floor in floors if floor < z), default=z) + EYE_HEIGHT), azimuth)
+    under = floor_under((x, y, z), scene)
+    return Walker((x, y, z if under is None else under + EYE_HEIGHT), azimuth)
 
 
 class Walk:
@@ -264,8 +265,7 @@ def write_path(
     if through is not None:
         scene = through.scene
         if is_scene_file(scene):
-            of_scene = Path(scene).absolute()
-            scene = of_scene.name if of_scene.parent == file.absolute().parent else str(of_scene)
+            scene = Path(os.path.relpath(scene, file.parent)).as_posix()
     path = {"scene": scene, "duration_s": points[-1]["time_s"], "keypoints": points}
     path |= {key: said[key] for key in ("sky", "sun", "walkable") if key in said}
     write_whole(file, json.dumps(path, indent=1) + "\n")

@@ -72,7 +72,7 @@ def places_along(path: CameraPath, seed: int = SEED) -> RingPlaces:
     scene, chosen, refused = scene_of(path), list[KeypointRings](), list[InputError]()
     with offscreen_context() as context:
         rings = RingScene(context, SceneRenderer(context, scene, PICTURE_SIZE), DISPLAY)
-        for name in path.places or dict.fromkeys(point.name for point in path.keypoints):
+        for name in dict.fromkeys(path.places or (point.name for point in path.keypoints)):
             point = path.keypoint(name)
             camera = Camera(point.position, point.azimuth, point.altitude)
             try:
@@ -122,11 +122,12 @@ def choose_places(scene: Scene, rings: RingScene, camera: Camera, rng: np.random
 def lies_on_a_surface(scene: Scene, camera: Camera, ring: Ring) -> bool:
     """Return whether a ring, out to twice its radius, lies on one flat surface that does not shine.
 
-    Foliage, nets and other surfaces with holes do not count, nor does what is seen at a grazing angle.
+    Panes, foliage and nets do not count, nor does what is seen at a grazing angle.
     """
     patches, rays = scene.patches, _rays(ring)
     distances, met = met_from(patches, camera.position, rays)
-    if (met == NOTHING).any() or scene.holed()[met].any() or patches.emission[met].any():
+    through = np.array([material.cutout or material.blended for material in scene.materials])
+    if (met == NOTHING).any() or through[patches.material[met]].any() or patches.emission[met].any():
         return False
     normal = np.cross(patches.along[met[0]], patches.across[met[0]])
     towards_eye = -rays @ normal / np.linalg.norm(normal)

@@ -8,6 +8,7 @@ needs no rendering before it can be planned.
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -250,6 +251,11 @@ class RingPlaces:
         "SHA-256 of the path and the files of its scene, for which they serve; empty for any", default=""
     )
 
+    def __post_init__(self) -> None:
+        names = [each.keypoint for each in self.keypoints]
+        if not names or len(set(names)) < len(names):
+            raise ValueError(f"need keypoints, each once, got {', '.join(names) or 'none'}")
+
 
 def search_sha256(path: str) -> str:
     """Return the SHA-256 of what a search along a camera path shows: scenes, path, rings and their places."""
@@ -282,6 +288,10 @@ def ring_places(path: str) -> RingPlaces:
     if not file.exists():
         from evenlight.stimuli.rings.chosen_places import places_along
 
+        if not os.access(file.parent, os.W_OK):
+            raise InputError(
+                f"{file}: places of rings are chosen once and stored there: need a folder to write to"
+            )
         note(f"{path}: chooses places of rings, and stores them in {file}")
         write_json_record(file, replace(places_along(walk), chosen_in=files_sha256(walk)))
     places = read_json_record(RingPlaces, file)

@@ -1,6 +1,7 @@
 """The order of searches: each keypoint once in each version, never twice at the same place."""
 
 from collections import Counter
+from contextlib import nullcontext
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,9 +11,10 @@ import pytest
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.recordings.search import ORIENTATIONS, SearchDesign
-from evenlight.data_schema.recordings.viewing import Version
+from evenlight.data_schema.recordings.viewing import Stimulus, Version
+from evenlight.experiments import stimulus_folder
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
-from evenlight.experiments.stimulus_folder import LoadedStimulus
+from evenlight.experiments.stimulus_folder import LoadedStimulus, as_searched
 from evenlight.experiments.viewing import search_schedule
 from evenlight.experiments.viewing.search_schedule import (
     SearchPoint,
@@ -23,7 +25,7 @@ from evenlight.experiments.viewing.search_schedule import (
 )
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
-from evenlight.stimuli.scenes.content.catalogue import PATHS, path_named, scene_searched
+from evenlight.stimuli.scenes.content.catalogue import PATHS, files_sha256, path_named, scene_searched
 from evenlight.stimuli.scenes.engine.camera import Camera
 
 XR3 = load_display("varjo-xr3")
@@ -164,6 +166,24 @@ def test_a_path_in_a_file_beside_the_folder_of_its_track_is_searched(tmp_path, m
     design = SearchDesign(sequences=("library",), keypoints=("library/stacks",))
     assert [point.scene for point in search_points(design, [track], XR3)] == [stimulus.path]
     assert scene_searched(stimulus.path).name == "school"
+
+
+@pytest.mark.parametrize(("made_of", "refused"), [("other", True), ("now", False), (None, False)])
+def test_a_track_that_was_made_of_another_scene_is_not_searched_with(tmp_path, monkeypatch, made_of, refused):
+    """Tracks of earlier versions do not say what they were made of."""
+    path = tmp_path / "walk.json"
+    path.write_text((PATHS / "library.json").read_text())
+    for name in ("ring_places", "_require_true_size", "search_sha256"):
+        monkeypatch.setattr(stimulus_folder, name, str)
+    inputs = {} if made_of is None else {"path": made_of}
+    if made_of == "now":
+        inputs["path"] = files_sha256(path_named(str(path)))
+    track = SimpleNamespace(header=SimpleNamespace(provenance=SimpleNamespace(inputs=inputs)))
+    stimulus = Stimulus("walk", "", "0" * 64, 1, 1.0, 0.5, 0.5)
+    loaded = LoadedStimulus(stimulus, tmp_path / "walk", track)
+    told = pytest.raises(InputError, match=r"was made when .* or its scene was another")
+    with told if refused else nullcontext():
+        assert as_searched([loaded])[0].stimulus.video_sha256 == str(path)
 
 
 def darkest_around_the_stacks() -> float:

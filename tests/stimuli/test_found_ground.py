@@ -104,6 +104,25 @@ def test_a_walk_begins_in_the_middle_of_the_floor_under_the_roof():
     assert floor == pytest.approx(0.0, abs=1e-4)
 
 
+def test_ground_is_found_around_the_first_eye_in_the_scene_whatever_was_before():
+    """A camera may come from 200 m outside."""
+    scene = with_ground(room(), (200.0, 2.0, EYE), (3.0, 2.0, EYE))
+    assert on_ground((3.0, 2.0, EYE), scene)
+
+
+def test_an_eye_a_hair_beside_stated_ground_stands_on_it(tmp_path):
+    beside = {"low_m": [2.01, 1.0], "high_m": [5.0, 4.0], "floor_m": 0.0}
+    scene, path = scene_to_walk(path_in(tmp_path, walkable=[beside]))
+    eye = replace(path.keypoints[0], position=(2.0, 2.0, 1.5))
+    assert start_in(scene, replace(path, keypoints=(eye, path.keypoints[1]))).position == (2.0, 2.0, EYE)
+
+
+def test_ground_of_a_steep_slope_is_refused(tmp_path):
+    steep = {"low_m": [0, 0], "high_m": [1, 1], "floor_m": 0.0, "slope": [30, 0]}
+    with pytest.raises(InputError, match="walkable 1: need slopes of 1 at most"):
+        path_named(path_in(tmp_path, walkable=[steep]))
+
+
 def test_without_a_floor_one_line_says_what_is_one():
     model = SceneModel("wall", 1)
     model.quad([(0, 0, 0), (3, 0, 0), (3, 0, 3), (0, 0, 3)], GREY)
@@ -134,6 +153,7 @@ def test_a_walk_on_a_path_begins_at_its_first_keypoint_over_ground_and_its_way_i
     write_path(tmp_path / "ways" / "way.json", file, [(0.0, walker), (1.0, walker)], path)
     again = path_named(str(tmp_path / "ways" / "way.json"))
     assert Path(again.scene).samefile(tmp_path / "room.glb")
+    assert json.loads((tmp_path / "ways" / "way.json").read_text())["scene"] == "../room.glb"
 
 
 def test_ground_that_a_path_states_counts_in_place_of_what_is_found(tmp_path):

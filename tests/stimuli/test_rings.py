@@ -503,6 +503,19 @@ def test_rings_of_another_path_or_scene_are_refused_and_change_the_hash(
         ring_places(str(own_path))
 
 
+def test_a_file_of_rings_needs_keypoints_and_each_once(own_path) -> None:
+    (one,) = ring_places(str(own_path)).keypoints
+    for keypoints, said in ((), "none"), ((one, one), "desk, desk"):
+        with pytest.raises(ValueError, match=f"need keypoints, each once, got {said}"):
+            RingPlaces("lab", 1, keypoints)
+
+
+def test_without_a_folder_to_write_to_no_rings_are_chosen(own_path, monkeypatch) -> None:
+    monkeypatch.setattr("os.access", lambda *_: False)
+    with pytest.raises(InputError, match=r"lab\.rings\.json: .* need a folder to write to"):
+        ring_places(str(own_path))
+
+
 @pytest.mark.slow
 def test_at_keypoints_that_are_not_listed_rings_are_chosen_where_they_suit(room, monkeypatch) -> None:
     """From the middle of the room they do, in light of 30 cd/m^2; from right before its wall they do not."""

@@ -13,6 +13,7 @@ from evenlight.stimuli.scenes.engine.scene import Ground, Sky, Sun, Vector
 KEYPOINT = ("position_m", "name", "time_s", "azimuth_deg", "altitude_deg")
 SKY = ("zenith_cd_m2", "horizon_cd_m2")
 GROUND = ("low_m", "high_m", "floor_m")
+STEEPEST = 1.0  # slope of ground to walk on
 SUN = ("azimuth_deg", "altitude_deg", "illuminance_lx")
 
 
@@ -66,6 +67,8 @@ def _ground(entry: Any, number: int) -> Ground:
     if not (west < east and south < north):
         raise ValueError(f"{where}need low_m below high_m, got {entry['low_m']} and {entry['high_m']}")
     along, across = _numbers(entry, where, "slope", 2) if "slope" in entry else (0.0, 0.0)
+    if max(abs(along), abs(across)) > STEEPEST:
+        raise ValueError(f"{where}need slopes of {STEEPEST:g} at most, got {entry['slope']}")
     (floor,) = _numbers(entry, where, "floor_m")
     return Ground((west, south), (east, north), floor, (along, across))
 

@@ -79,13 +79,15 @@ def found_ground(scene: Scene, eyes: Sequence[Vector] = ()) -> FoundGround:
     InputError
         If there is no floor to walk on.
     """
+    from scipy.ndimage import distance_transform_cdt
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
 
     patches = scene.patches
     corners = [patches.origin, patches.origin + patches.along, patches.origin + patches.across]
     low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
-    around = np.array(eyes[0][:2]) if eyes else (low + high)[:2] / 2
+    inside = (eye[:2] for eye in eyes if (low[:2] <= eye[:2]).all() and (eye[:2] <= high[:2]).all())
+    around = np.array(next(inside, (low + high)[:2] / 2))
     # Walls often stand at round numbers; columns do not.
     corner = np.maximum(low[:2], around - WIDEST / 2) - 0.37 * CELL
     size = np.ceil((np.minimum(high[:2], around + WIDEST / 2) - corner) / CELL).astype(int).clip(0)
@@ -117,11 +119,15 @@ def found_ground(scene: Scene, eyes: Sequence[Vector] = ()) -> FoundGround:
     ]
     mine = part == (part[under[0]] if under else np.argmax(np.bincount(part[inner])))
     inner = inner & mine if (inner & mine).any() else free & mine
-    while (fewer := _within(inner, links)).any():
-        inner = fewer
-    k = int(np.argmax(inner))
-    column = np.unravel_index(np.searchsorted(first.ravel(), k, side="right") - 1, first.shape)
-    x, y = (corner + (np.array(column) + 0.5) * CELL).tolist()
+    storey = np.quantile(height[inner], 0.5, method="nearest")
+    inner &= np.abs(height - storey) < HEADROOM / 2
+    column = np.searchsorted(first.ravel(), np.arange(len(free)), side="right") - 1
+    open_ = np.zeros(first.size, dtype=bool)
+    open_[column[inner]] = True
+    away = distance_transform_cdt(np.pad(open_.reshape(first.shape), 1))[1:-1, 1:-1].ravel()
+    k = int(np.argmax(np.where(inner, away[column], -1)))
+    place = np.array(np.unravel_index(column[k], first.shape))
+    x, y = (corner + (place + 0.5) * CELL).tolist()
     return replace(ground, walkable=free & mine, middle=(x, y, float(height[k])))
 
 
