@@ -173,9 +173,7 @@ def _bytes_moved(one_pass: GpuOnePass) -> int:
     """Return the bytes that have to pass between shaders and memory, each level once in each pass."""
     sizes = [height * width for height, width in one_pass._pyramid.shapes]
     levels = BYTES * sizes[0] + 4 * sum(sizes) + 4 * sum(sizes[1:-1])
-    counts = sum(
-        references * sum(sizes[sizes.index(pixels) :][:3]) for pixels, references, _ in one_pass._places
-    )
+    counts = sum(references * sum(sizes[level : level + 3]) for level, references, _ in one_pass._places)
     return levels + 4 * counts + 4 * one_pass._nothing.size
 
 
