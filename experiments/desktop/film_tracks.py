@@ -22,6 +22,7 @@ from evenlight.method.choices import LimitCurve
 
 OFTEN = 1.0  # [s] between two questions to mpv
 PATIENCE = 0.1  # [s] that it may take to answer
+NO_ANSWER = OSError, ValueError, LookupError, TypeError, AttributeError  # or one that is none of mpv's
 ASKED = ("path", "working-directory", "fullscreen", "display-names")
 
 
@@ -99,7 +100,7 @@ def track_beside(film: Path, folder: Path | None) -> Path | None:
 def playing_in(mpv: Path) -> dict[str, Any]:
     """Return what mpv says of itself by its IPC socket; nothing where none answers."""
     said: dict[str, Any] = {}
-    with contextlib.suppress(OSError, ValueError), socket.socket(socket.AF_UNIX) as connection:
+    with contextlib.suppress(*NO_ANSWER), socket.socket(socket.AF_UNIX) as connection:
         connection.settimeout(PATIENCE)
         connection.connect(str(mpv))
         for number, name in enumerate(ASKED):
@@ -107,7 +108,7 @@ def playing_in(mpv: Path) -> dict[str, Any]:
             connection.sendall(json.dumps(asked).encode() + b"\n")
         with connection.makefile("rb") as lines:
             while len(said) < len(ASKED):
-                answer = json.loads(lines.readline())
+                answer = json.loads(lines.readline(65536))
                 if "event" not in answer:
                     said[ASKED[answer["request_id"]]] = answer.get("data")
         return said

@@ -8,7 +8,6 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import ExitStack
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -60,6 +59,8 @@ def live_as_asked(options: LiveOptions) -> None:
         )
     if options.target_loss is not None and options.budget is not None:
         raise InputError("give --target-loss or --budget, not both: a budget moves the loss")
+    if options.backlight_curve and len(options.backlight or ()) > 1:
+        raise InputError("--backlight-curve is that of one backlight: give one --backlight, or no curve")
     number("target_loss", TARGET_LOSS if options.target_loss is None else options.target_loss, 0.0, 1.0)
     number("min_factor", options.min_factor, 0.01, 1.0)
     number("budget", 1.0 if options.budget is None else options.budget, 0.01, 1.0)
@@ -117,9 +118,9 @@ def _dim(options: LiveOptions, backlights: list[str]) -> None:
             one = Monitor(name, screen, dimmer, watchdog.bring_back)
             if options.budget is not None:
                 due = partial(factor_due, options.budget, power_model)
-                one = replace(one, target=LossTarget(dimmer, due, options.min_factor))
+                one.target = LossTarget(dimmer, due, options.min_factor)
             if films is not None:
-                one = replace(one, film=partial(films.frame, screen.name))
+                one.film = partial(films.frame, screen.name)
             monitors.append(one)
         rest_with = [name.strip() for name in options.rest_with.split(",") if name.strip()]
         measured = PowerGauge(options.power_meter).mean

@@ -15,7 +15,7 @@ LOOKS = 0.25  # [s] between two
 TOLD = 2.0  # [s] between two states that are kept
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Monitor:
     """A monitor: what looks at it, and what moves its backlight."""
 

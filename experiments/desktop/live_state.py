@@ -116,9 +116,9 @@ def only_one() -> DeviceLock:
 def write_state(state: LiveState, to_disk: bool = False) -> None:
     """Keep what is now, and now and then, or at the end, beyond the session."""
     content = json.dumps(asdict(state))
-    write_whole(state_file(), content)
     kept = cache_folder() / KEPT
-    with contextlib.suppress(OSError, InputError):  # the day's sums are worth no end
+    with contextlib.suppress(OSError, InputError):  # a full disk is no reason to end
+        write_whole(state_file(), content)
         kept.parent.mkdir(parents=True, exist_ok=True)
         if to_disk or not kept.exists() or time.time() - kept.stat().st_mtime > SELDOM:
             write_whole(kept, content)

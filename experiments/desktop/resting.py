@@ -56,7 +56,7 @@ def reasons(
 def others_at_work(running: Callable[[], set[str]] = programs) -> str:
     """Return a line on programs that change brightness or colours by themselves; empty for none."""
     found = named(OTHERS, running())
-    return f"{', '.join(found)} runs: what it sets counts as set by you" if found else ""
+    return f"{', '.join(found)} runs: a brightness that it sets counts as set by you" if found else ""
 
 
 def _first_line(path: Path) -> str:

@@ -71,8 +71,8 @@ class GrimScreens:
 
     @property
     def monitors(self) -> list[dict[str, Any]]:
-        """All of them together, then each, by the names of the connectors in use."""
-        files = sorted(CONNECTORS.glob("card*-*/enabled"))
+        """All of them together, then each, by the names of the connectors in use: a laptop's panel first."""
+        files = sorted(CONNECTORS.glob("card*-*/enabled"), key=lambda file: ("eDP" not in str(file), file))
         used = [file.parent.name.partition("-")[2] for file in files if file.read_bytes() == b"enabled\n"]
         return [{}, *({"output": name} for name in used or [""])]
 

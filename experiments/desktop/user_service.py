@@ -27,7 +27,8 @@ def unit(arguments: list[str]) -> str:
     return (
         "[Unit]\nDescription=Evenlight: the backlight follows what is on the screen\n"
         "PartOf=graphical-session.target\nAfter=graphical-session.target\n\n"
-        f"[Service]\nWorkingDirectory={here}\nExecStart={command}\nRestart=on-failure\nNice=10\n\n"
+        f"[Service]\nWorkingDirectory={here}\nExecStart={command}\nRestart=on-failure\n"
+        "RestartSec=10\nRestartPreventExitStatus=2\nNice=10\n\n"
         "[Install]\nWantedBy=graphical-session.target\n"
     )
 
@@ -37,7 +38,8 @@ def install(text: str) -> None:
     unit_file().parent.mkdir(parents=True, exist_ok=True)
     write_whole(unit_file(), text.encode())
     _systemctl("daemon-reload")
-    _systemctl("enable", "--now", NAME)
+    _systemctl("enable", NAME)
+    _systemctl("restart", NAME)  # or go on with other options
 
 
 def uninstall() -> None:

@@ -273,7 +273,9 @@ def test_it_rests_with_programs_and_on_mains_power(tmp_path: Path) -> None:
         (tmp_path / "proc" / str(number) / "comm").write_text(f"{name}\n")
     ours = resting.programs(tmp_path / "proc")
     assert ours == {"gimp-2.10", "wluma", "xterm"}
-    assert resting.others_at_work(lambda: ours) == "wluma runs: what it sets counts as set by you"
+    assert (
+        resting.others_at_work(lambda: ours) == "wluma runs: a brightness that it sets counts as set by you"
+    )
     assert resting.others_at_work(lambda: {"xterm"}) == ""
     assert resting.reasons(["krita", "gimp"], False, lambda: ours)(0.0) == "gimp-2.10 runs"
     assert resting.reasons(["krita"], False, lambda: ours)(0.0) == ""
@@ -313,7 +315,8 @@ def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, c
     assert not user_service.unit_file().exists()
     assert (tmp_path / "asked").read_text().splitlines() == [
         "--user daemon-reload",
-        "--user enable --now evenlight-live.service",
+        "--user enable evenlight-live.service",
+        "--user restart evenlight-live.service",
         "--user disable --now evenlight-live.service",
         "--user daemon-reload",
     ]
@@ -327,6 +330,10 @@ def test_a_service_is_shown_installed_and_removed(tmp_path: Path, monkeypatch, c
         (["--install"], "live needs --backlight"),
         ([*BORROWED, "--budget", "0.2"], "asks for the factor 0.20 on average, and the lowest is 0.3"),
         (["--target-loss", "0.1", "--budget", "0.5"], "not both"),
+        (
+            ["--backlight", "a:", "--backlight", "b:", "--backlight-curve", "c.csv"],
+            "is that of one backlight",
+        ),
         (["--target-loss", "2"], "--target-loss must lie in 0 to 1, got 2"),
         (["--backlight", "sysfs:none_such", "--display", "laptop-lcd"], "fitted on"),
         (["--status"], "live does not run"),

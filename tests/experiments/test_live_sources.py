@@ -82,6 +82,18 @@ def test_a_film_full_screen_is_dimmed_by_its_track_until_it_is_a_window(tmp_path
     ]
 
 
+@pytest.mark.parametrize("line", [b'{"error": "success"}', b"[1]", b'{"request_id": 99}', b"\xff"])
+def test_what_is_no_answer_of_mpv_is_none(tmp_path: Path, line: bytes) -> None:
+    class Stranger(socketserver.StreamRequestHandler):
+        def handle(self) -> None:
+            self.wfile.write(line + b"\n")
+            self.rfile.read()
+
+    with socketserver.UnixStreamServer(str(tmp_path / "mpv"), Stranger) as server:
+        threading.Thread(target=server.handle_request, daemon=True).start()
+        assert film_tracks.playing_in(tmp_path / "mpv") == {}
+
+
 def test_a_track_lies_in_a_folder_of_tracks_or_beside_the_film(tmp_path: Path) -> None:
     film = tmp_path / "films" / "one.mkv"
     for name in ("films/track.csv", "films/one/track.csv", "tracks/one/track.csv"):
@@ -104,7 +116,11 @@ def test_under_wayland_the_picture_is_that_of_grim(tmp_path: Path, monkeypatch) 
     grim = tmp_path / "grim"
     grim.write_text(f'#!/bin/sh\necho "$@" >> {tmp_path}/asked\nexec /bin/cat {tmp_path}/picture\n')
     grim.chmod(0o755)
-    for name, words in (("card0-eDP-1", "enabled\n"), ("card0-DP-1", "disabled\n")):
+    for name, words in (
+        ("card0-eDP-1", "enabled\n"),
+        ("card0-DP-1", "enabled\n"),
+        ("card0-VGA-1", "disabled\n"),
+    ):
         (tmp_path / name).mkdir()
         (tmp_path / name / "enabled").write_text(words)
     with opened_screens() as grabber:
@@ -113,7 +129,7 @@ def test_under_wayland_the_picture_is_that_of_grim(tmp_path: Path, monkeypatch) 
         assert screen.name == "eDP-1"
         assert screen.size == (64, 48)
         assert screen.look(0.25) is first
-        assert WatchedScreen(grabber, 2, *[None] * 3).look(0.0) is None  # type: ignore[arg-type]
+        assert WatchedScreen(grabber, 3, *[None] * 3).look(0.0) is None  # type: ignore[arg-type]
     assert (tmp_path / "asked").read_text() == "-o eDP-1 -t ppm -\n"  # not twice within a second
 
 
