@@ -22,10 +22,12 @@ from evenlight.stimuli.scenes.engine.camera_path import CameraPath, Keypoint
 from evenlight.stimuli.scenes.engine.graphics import offscreen_context
 from evenlight.stimuli.scenes.engine.light.bake import baked, charts_of, texels_of
 from evenlight.stimuli.scenes.engine.material_textures import material_textures
+from evenlight.stimuli.scenes.engine.model import SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
-from evenlight.stimuli.scenes.engine.scene import Quality, Scene, Sky, Sun
+from evenlight.stimuli.scenes.engine.scene import Material, Quality, Scene, Sky, Sun
 from evenlight.stimuli.scenes.gltf import texture_memory
 from evenlight.stimuli.scenes.gltf.gltf_differences import words_of_differences
+from evenlight.stimuli.scenes.gltf.gltf_export import glb_of
 from evenlight.stimuli.scenes.gltf.gltf_file import read_gltf
 from evenlight.stimuli.scenes.gltf.gltf_scene import scene_from_gltf
 from evenlight.stimuli.scenes.gltf.texture_memory import with_images_that_fit
@@ -171,6 +173,19 @@ def test_specular_glossiness_is_its_diffuse_colour_less_what_is_reflected(tmp_pa
     np.testing.assert_allclose(scene.patches.tint[0], [0.4, 0.2, 0.1])
     assert scene.materials[scene.patches.material[0]].gloss == 0.3
     assert [one.feature for one in scene.unlike] == ["specular colour (reflects as plastics do)"]
+
+
+def test_gloss_and_metal_go_out_and_come_back(tmp_path):
+    model, file = SceneModel("plates", 1), tmp_path / "plates.glb"
+    kinds = {"steel": (0.7, 1.0), "glass": (1.0, 0.0), "felt": (0.0, 0.0)}
+    for k, (name, shine) in enumerate(kinds.items()):
+        paper = Material(name, lambda rng, size: np.full((size, size, 3), 0.5, "f4"), 1.0, *shine)
+        model.quad([[k, 0, 0], [k + 1, 0, 0], [k + 1, 1, 0], [k, 1, 0]], paper)
+    file.write_bytes(glb_of(model.build()))
+    scene = scene_from_gltf(read_gltf(file))
+    order = scene.patches.material[np.argsort(scene.patches.origin[:, 0])]
+    assert [(scene.materials[k].gloss, scene.materials[k].metal) for k in order] == [*kinds.values()]
+    assert not scene.unlike
 
 
 def test_metal_and_roughness_of_a_texture_are_their_means(tmp_path):

@@ -130,9 +130,9 @@ class Surfaces:
 
         image, source, name = Images.new("RGBA", (1, 1), "white"), None, ""
         found, map_ = (None if one is None else self._file.image(one["index"]) for one in (texture, relief))
-        bumps = (
-            None if relief is None else (self._file.source(relief["index"]), float(relief.get("scale", 1)))
-        )
+        scale = float(relief.get("scale", 1)) if relief else 1.0
+        numbers([abs(scale)], 1)  # refused if it is none
+        bumps = self._file.source(relief["index"]) if relief else None
         if texture is not None and found is not None:
             image, source = found, self._file.source(texture["index"])
             name = named(self._file.header["images"][source], f"image {source}")
@@ -142,7 +142,7 @@ class Surfaces:
         across, down = sampler.get("wrapS"), sampler.get("wrapT")
         mirrored, clamped = ((across == kind, down == kind) for kind in (MIRRORED, CLAMPED))
         nearest = sampler.get("magFilter") == NEAREST
-        key = source, bumps, cutoff, opacity, shine, mirrored, clamped, nearest
+        key = source, bumps, scale, cutoff, opacity, shine, mirrored, clamped, nearest
         if key not in self._materials:
             if len(self._materials) >= MOST_TEXTURES:
                 raise InputError(
@@ -154,7 +154,7 @@ class Surfaces:
             # A partial function, which the cache of textures leaves alone: its name does not tell the image.
             made = partial(_resampled, image, cutoff, opacity, mirrored)
             kind = *shine, cutoff is not None, opacity is not None, Sampling(size, clamped, nearest, name)
-            uneven = None if map_ is None or bumps is None else _relief(map_, bumps[1], mirrored)
+            uneven = None if map_ is None else _relief(map_, scale, mirrored)
             self._materials[key] = Material(f"image {key}", made, 1.0, *kind, uneven)
         return list(self._materials).index(key), _laid(lying, mirrored)
 
