@@ -7,6 +7,8 @@ import pytest
 
 from evenlight.stimuli.scenes.engine.camera import Camera
 from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK, offscreen_context
+from evenlight.stimuli.scenes.engine.light.bake import charts_of, texels_of
+from evenlight.stimuli.scenes.engine.light.stitches import stitched
 from evenlight.stimuli.scenes.engine.model import Material, SceneModel
 from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 from evenlight.stimuli.scenes.engine.scene import Quality
@@ -149,3 +151,19 @@ def test_light_above_the_knee_is_compressed_smoothly_to_the_peak():
     assert share[-1] == pytest.approx(1.0, abs=1e-5)
     slopes = np.diff(share) / np.diff(light) * PEAK
     assert np.abs(np.diff(slopes)).max() < 0.01  # no kink
+
+
+def test_patches_side_by_side_in_one_plane_have_the_same_light_at_their_edge():
+    """Of 10 and 12 cd/m^2 it is 11, wherever the texels are; where a shadow ends (30), it stays."""
+    model, grey = SceneModel("row", 1), paint("grey", 0.5)
+    for left, right, deep in ((0, 2, 3), (2, 3, 3), (3, 5, 2)):
+        model.quad([[left, 0, 0], [right, 0, 0], [right, deep, 0], [left, deep, 0]], grey)
+    patches = model.build().patches
+    charts = charts_of(patches, np.zeros(3, dtype=bool))
+    texels = texels_of(patches, charts)
+    light = np.array([10.0, 12.0, 30.0])[texels.patch, None] * np.ones(3)
+    at_edge = np.isclose(
+        (patches.origin[:, 0][texels.patch] + texels.s * patches.along[:, 0][texels.patch]), 2, atol=0.05
+    )
+    expected = np.where(at_edge[:, None], 11.0, light)
+    np.testing.assert_allclose(stitched(patches, charts, texels, light), expected)

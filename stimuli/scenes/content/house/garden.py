@@ -118,7 +118,8 @@ def _porch(model: SceneModel) -> None:
     for y in (y0 + 0.12, y1 - 0.12):
         model.box((x0 + 0.06, y - 0.06, 0), (x0 + 0.18, y + 0.06, 2.45), stuff.PAINT, skip="zZ", tint=TRIM)
         model.box((x0 + 0.03, y - 0.09, 0), (x0 + 0.21, y + 0.09, 0.2), stuff.PAINT, skip="z", tint=TRIM)
-    model.box((x0 - 0.1, y0 - 0.1, 2.45), (x1, y1 + 0.1, 2.6), stuff.PAINT, skip="X", tint=TRIM)
+    # Without a top, the wall between ceiling and tiles is buried, and has the light of what is below.
+    model.box((x0 - 0.1, y0 - 0.1, 2.45), (x1, y1 + 0.1, 2.6), stuff.PAINT, skip="XZ", tint=TRIM)
     points = [(x0 - 0.25, y0 - 0.2, 2.6), (x0 - 0.25, y1 + 0.2, 2.6), (0, y1 + 0.2, 3.1), (0, y0 - 0.2, 3.1)]
     model.quad(points[::-1], stuff.ROOF)
     for y in (y0 + 0.05, y1 - 0.05):

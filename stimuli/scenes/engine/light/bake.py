@@ -27,6 +27,7 @@ from evenlight.stimuli.scenes.engine.array_cache import (
 from evenlight.stimuli.scenes.engine.light import bake_kernels, bake_lights
 from evenlight.stimuli.scenes.engine.light.bake_lights import GRADIENT
 from evenlight.stimuli.scenes.engine.light.ray_tree import RayTree, ray_tree
+from evenlight.stimuli.scenes.engine.light.stitches import stitched
 from evenlight.stimuli.scenes.engine.material_textures import MaterialTextures
 from evenlight.stimuli.scenes.engine.scene import Floats, Patches, Quality, Scene
 
@@ -176,7 +177,7 @@ def baked(
     for _ in range(SMOOTHINGS):
         light = _smoothed(patches, charts, texels, light, near)
     light = light + _smoothed(patches, charts, texels, lamps, near * [SHARPER, 1])
-    return _finished(scene, charts, texels, light)
+    return _finished(scene, charts, texels, stitched(patches, charts, texels, light))
 
 
 def _told(at: Callable[[int], None], before: int, done: int) -> None:
