@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
@@ -205,6 +206,7 @@ def load_task(dataset: Path, task: str, cls: type[Trial], roll: RollCall | None 
         raise InputError(
             f"{dataset}: holds simulated and recorded {task} sessions; put them in two data sets"
         )
+    warnings += _shown_otherwise(task, sessions)
     scales = {session.manifest.scale: session.folder for session in sessions}
     if len(scales) > 1:
         told = " and ".join(f"{scale} ({folder.relative_to(dataset)})" for scale, folder in scales.items())
@@ -216,6 +218,13 @@ def load_task(dataset: Path, task: str, cls: type[Trial], roll: RollCall | None 
     sha256 = sha256_of_bytes("".join(digests).encode())
     scale = next(iter(scales))
     return TaskData(task, tuple(sessions), simulated.pop(), sha256, tuple(warnings), roll=roll, scale=scale)
+
+
+def _shown_otherwise(task: str, sessions: Iterable[Session[Trial]]) -> list[str]:
+    shown = {(each.name, each.video_sha256) for own in sessions for each in own.manifest.stimuli}
+    several = sorted(name for name, count in Counter(name for name, _ in shown).items() if count > 1)
+    what = "scene, path or rings" if task == "search" else "video"
+    return [f"{task}: sessions differ in the {what} that they showed as {name}" for name in several]
 
 
 def _nothing_to_read(dataset: Path, task: str, roll: RollCall, flagged: int) -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
@@ -15,7 +17,6 @@ from evenlight.stimuli.scenes.engine.renderer import SceneRenderer
 
 if TYPE_CHECKING:
     import moderngl
-    import numpy as np
     from numpy.typing import NDArray
 
     from evenlight.method.contrast.one_factor import OneFactorLoss
@@ -64,9 +65,10 @@ class LossMeter:
 
     def _count_seen(self, loss: OneFactorLoss | GpuLoss) -> None:
         """Let only pixels count that a headset's lens shows, where that is known, and when it changes."""
-        if self._pictures.seen is not None and self._pictures.seen is not self._counted:
-            self._counted = self._pictures.seen
-            loss.count_only(self._counted)
+        seen = self._pictures.seen
+        if seen is not self._counted:
+            self._counted = seen
+            loss.count_only(np.ones(self._pictures.size[::-1], dtype=bool) if seen is None else seen)
 
 
 def open_meter(

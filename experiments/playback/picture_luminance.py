@@ -62,13 +62,14 @@ class PictureLuminance:
     def __init__(self, context: moderngl.Context, pictures: SceneRenderer, display: Display) -> None:
         self._context, self._pictures, self._display = context, pictures, display
         width, height = pictures.size
+        self._whole = np.ones((height, width), dtype=bool)
         blocks = -(-width // BLOCK), -(-height // BLOCK)
         with graphics.own(context):
             self._sums = context.framebuffer(context.texture(blocks, 4, dtype="f4"))
             self._adder = over_all(context, SUM_FRAGMENT)
             self._seen = context.texture(pictures.size, 1, alignment=1)
             set_uniforms(self._adder, codes=0, seen=1, gamma=display.gamma)
-        self._count_only(np.ones((height, width), dtype=bool))
+        self._count_only(self._whole)
         self._means: Array = np.zeros(3)
 
     def mean(self) -> float:
@@ -91,8 +92,9 @@ class PictureLuminance:
 
     def _add_up(self) -> None:
         """Draw the sums of the picture drawn last."""
-        if self._pictures.seen is not None and self._pictures.seen is not self._counted:
-            self._count_only(self._pictures.seen)
+        seen = self._whole if self._pictures.seen is None else self._pictures.seen
+        if seen is not self._counted:
+            self._count_only(seen)
         with graphics.own(self._context):
             self._sums.use()
             self._pictures.codes.use(0)

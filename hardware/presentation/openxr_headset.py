@@ -334,7 +334,8 @@ class OpenXRHeadset(HeadsetWindow):
                 if change.reference_space_type == xr.ReferenceSpaceType.LOCAL:
                     self._recentred_at = int(change.change_time)
             elif event.type == types.EVENT_DATA_VISIBILITY_MASK_CHANGED_KHR and self._facts is not None:
-                self._facts = replace(self._facts, hidden=self._hidden())
+                fovs = tuple(eye.fov for eye in self._eyes)
+                self._facts = replace(self._facts, fovs=fovs, hidden=self._hidden())
             elif event.type == types.EVENT_DATA_INSTANCE_LOSS_PENDING:
                 self._lost = "the OpenXR runtime is about to stop"
             elif self._runtime.offers(PRESENCE) and event.type == types.EVENT_DATA_USER_PRESENCE_CHANGED_EXT:

@@ -13,11 +13,12 @@ from example_ramps import RAMP
 from evenlight.analysis.ramp_loading import load_ramp_data
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
-from evenlight.data_schema.mapping import mapping_from_record
+from evenlight.data_schema.mapping import mapping_from_record, record_from_mapping
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.recordings.dataset_layout import session_folder
 from evenlight.data_schema.recordings.ramp import Direction, Procedure, RampDesign
 from evenlight.data_schema.recordings.session import SessionManifest, SessionStatus
+from evenlight.data_schema.recordings.viewing import Stimulus
 
 DISPLAY = Display("bench", 100.0, 0.0, 2.0, 60.0)
 DESIGN = RampDesign()
@@ -214,3 +215,15 @@ def test_sessions_of_several_designs_are_read_together(tmp_path: Path) -> None:
     write_session(tmp_path, "01")
     write_session(tmp_path, "02", design=RampDesign(ramp_durations=(2.0,), relative_rates=(0.02, 0.1)))
     assert len(load_ramp_data(tmp_path).sessions) == 2
+
+
+@pytest.mark.parametrize(
+    ("hashes", "said"), [("aa", ()), ("ab", ("differ in the video that they showed as film",))]
+)
+def test_sessions_that_showed_another_video_under_one_name_are_told_of(tmp_path: Path, hashes, said) -> None:
+    for participant, digest in zip(("01", "02"), hashes, strict=True):
+        file = write_session(tmp_path, participant) / "manifest.json"
+        manifest = record_from_mapping(SessionManifest, json.loads(file.read_text()), "")
+        stimulus = Stimulus("film", 64 * digest, 64 * "0", 9, 1.0, 0.5, 0.5)
+        file.write_text(json.dumps(mapping_from_record(replace(manifest, stimuli=(stimulus,)))))
+    assert load_ramp_data(tmp_path).warnings == tuple(f"ramp: sessions {words}" for words in said)
