@@ -34,7 +34,8 @@ vec3 with_reflection(vec3 seen, vec3 base, float gloss, vec3 n, vec3 arriving, v
     vec3 met = where_ + mirrored * max(min(min(far.x, far.y), far.z), 1.0) - room.xyz;
     vec3 reflected = arriving;  // evenly from all sides, while those pictures are drawn
     if (textureSize(around, 0).x > 1) {
-        reflected = seen_around(met, grade) + sunlight * lobe(mirrored, sun_direction, rough, grade);
+        reflected = seen_around(met, grade);
+        if (sunlight != vec3(0.0)) reflected += sunlight * lobe(mirrored, sun_direction, rough, grade);
     }
     // Schlick (1994), less at grazing angles where it is rough (Lagarde 2011).
     vec3 straight = mix(vec3(0.04), base, metal);
