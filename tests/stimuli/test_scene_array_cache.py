@@ -97,4 +97,5 @@ def test_light_is_valid_for_the_sources_that_compute_it_and_no_others() -> None:
         "bake_kernels.py",
         "bake_lights.py",
         "ray_tree.py",
+        "stitches.py",
     }

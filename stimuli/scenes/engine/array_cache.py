@@ -91,4 +91,5 @@ def scenes_sha256() -> str:
 def light_sources() -> list[Path]:
     """Return the source files that compute the light: light that is stored is valid for these alone."""
     folder = SCENES / "engine" / "light"
-    return sorted({*folder.glob("*.py")} - {folder / "seen_patches.py"})  # which looks at patches alone
+    others = {folder / "seen_patches.py", folder / "found_ground.py"}  # which look at patches alone
+    return sorted({*folder.glob("*.py")} - others)
