@@ -135,6 +135,21 @@ def _array_rows() -> Iterator[tuple[str, ...]]:
             words = _limit_words(type_of(float, field.metadata, {}))
             unit = _unit(field.metadata["unit"])
             yield f"`{field.name}`", f"numbers, {shape}", unit, words, "", field.metadata["doc"]
+    for name, kind, words in (
+        (
+            "contents",
+            "whole numbers, N",
+            "which curve each frame has at any factor; these four may be missing",
+        ),
+        (
+            "starts",
+            "whole numbers, C + 1",
+            "where the points of each curve begin, and where the last one's end",
+        ),
+        ("factors", "numbers, M", "of the points between which the curves are linear: brightness factors b"),
+        ("loss", "numbers, M", "of the points: contrast loss 𝓛_c"),
+    ):
+        yield f"`bend_{name}`", kind, "1", "", "", words
 
 
 def _type_words(value: Schema, known: dict[str, str]) -> str:

@@ -43,7 +43,7 @@ from evenlight.data_schema.tracks.loss_curves import (
 )
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.keywords import takes_fields_of
-from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.preset_files import (
     load_contrast_model,
     load_display,
@@ -158,7 +158,7 @@ class Track(Result):
         """
         if factors is None:
             return self.track.contrast_loss
-        return loss_and_slope(self.curves, _checked_factors(factors, self.curves))[0]
+        return loss_at(self.curves, _checked_factors(factors, self.curves))
 
     def power(self) -> Array | None:
         """Return the power of the display in each frame [W], (N,); None without a power model."""

@@ -35,7 +35,7 @@ from evenlight.data_schema.tracks.judgement import (
 )
 from evenlight.data_schema.tracks.loaded_track import LoadedTrack, mean_factor
 from evenlight.method.choices import ONE_CORE, AnalysisEffort
-from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.contrast.measures import COUNTED, measure_named
 from evenlight.method.optimizer.request import Request
 from evenlight.method.preset_files import load_power_model, load_rate_limit
@@ -118,7 +118,7 @@ def _losses(job: OptimizationJob, loaded: LoadedTrack) -> tuple[Array, Array]:
     curves = loss_curves_of(job, FrameSamples(most=1, least=1))
     require_times(job.source.name, curves.times, loaded.track)
     evenly = np.full(curves.n_frames, loaded.baseline)
-    return loss_and_slope(curves, loaded.track.factors)[0], loss_and_slope(curves, evenly)[0]
+    return loss_at(curves, loaded.track.factors), loss_at(curves, evenly)
 
 
 def agreements_of(losses: Mapping[str, Array]) -> tuple[MeasureAgreement, ...]:

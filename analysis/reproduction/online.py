@@ -20,7 +20,7 @@ from evenlight.analysis.tracks.loss_spread import SpreadRatio, spread_ratio
 from evenlight.data_schema.analysis_results import Origin
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.online.control_curves import ControlledTrack, control_curves
 from evenlight.method.online.controller import Controller
 from evenlight.method.rate_limit import largest_rate_ratio
@@ -64,7 +64,7 @@ def online_findings(
     factor = min(track.mean_factor, 1.0)  # rounding may add 1e-16
     factors = np.full(walk.n_frames, factor)
     over_time = {
-        "contrast loss": {CONTROLLED: track.contrast_loss, CONSTANT: loss_and_slope(walk, factors)[0]},
+        "contrast loss": {CONTROLLED: track.contrast_loss, CONSTANT: loss_at(walk, factors)},
         "brightness factor": {CONTROLLED: track.factors, CONSTANT: factors},
     }
     losses = over_time["contrast loss"]

@@ -29,6 +29,7 @@ from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, Budge
 from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.experiments.simulate_command import simulate
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.optimizer.optimize import pose
 from evenlight.method.optimizer.request import Request
@@ -261,6 +262,6 @@ def _track_sequence(job: OptimizationJob, folder: Path) -> SequenceTracks:
         unconstrained=free,
         baseline_factor=float(problem.baseline()[0]),
         unconstrained_objective=problem.objective(free),
-        baseline_loss=problem.loss(problem.baseline()),
+        baseline_loss=loss_at(curves, problem.baseline()),
         samples=tuple(samples.held),
     )

@@ -37,7 +37,7 @@ from evenlight.data_schema.provenance import Provenance, provenance_now
 from evenlight.data_schema.storage.result_folders import files_in
 from evenlight.data_schema.storage.text_files import write_json_record
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.online.controller import Controller, ControllerSettings
 from evenlight.method.preset_files import load_power_model
 from evenlight.method.rate_limit import scalar_rate_limit
@@ -189,7 +189,7 @@ def _online_findings(made: Reproduction, swept: LossCurves) -> Analysis:
 
 def _mean_loss(curves: LossCurves, factor: float) -> float:
     """Return the contrast loss under constant dimming, mean over time."""
-    loss, _ = loss_and_slope(curves, np.full(curves.n_frames, factor))
+    loss = loss_at(curves, np.full(curves.n_frames, factor))
     return float(np.average(loss, weights=curves.durations))
 
 

@@ -24,6 +24,7 @@ from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack, TrackHeader
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.contrast.measures import measure_named
 from evenlight.method.contrast.pixel_floor import floor_in_samples
 from evenlight.method.one_blas_thread import one_blas_thread
@@ -129,7 +130,8 @@ def _clip(
     counts: bool = True,
 ) -> tuple[LossCurves, DrawnTrack]:
     """Return the curves of a video, and its track beside constant dimming of the same power."""
-    constant, fitted = problem.loss(problem.baseline()), limit_without_allowances(problem, track.factors)
+    constant = loss_at(problem.curves, problem.baseline())
+    fitted = limit_without_allowances(problem, track.factors)
     return problem.curves, DrawnTrack(track, summary, constant, samples.few, fitted, counts)
 
 

@@ -15,7 +15,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import MeasuredTrack, OptimizationSummary
-from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.contrast.measures import MEASURES, ROBUST
 from evenlight.method.optimizer.objective import pairwise_spread
@@ -50,5 +50,5 @@ def with_other_measures(
         if (other := MEASURES[name]) != model:
             known = analyze_frames(frames, curves.video, curves.display, other, curves.factors)
             dimmed = track.factors[at], np.full(len(at), summary.baseline_factor)
-            found.append(measured_track(name, *(loss_and_slope(known, factors)[0] for factors in dimmed)))
+            found.append(measured_track(name, *(loss_at(known, factors) for factors in dimmed)))
     return replace(summary, measured=tuple(found), frames_measured=len(at))

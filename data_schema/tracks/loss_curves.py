@@ -31,6 +31,7 @@ from evenlight.data_schema.storage.input_files import open_input
 from evenlight.data_schema.storage.input_sizes import MOST_NUMBERS, require_array_sizes
 from evenlight.data_schema.storage.whole_files import write_whole
 from evenlight.data_schema.tracks.brightness_track import ACTUATOR, LUMINANCE_SLACK, TrackHeader
+from evenlight.data_schema.tracks.loss_bends import LossBends
 
 LONGEST = 1e7  # [s] of a video: four months; sums of what is longer lose single frames
 FAINTEST = 1e-9  # share of white: of a frame as dark as that nothing is visible
@@ -41,6 +42,7 @@ UNREADABLE = (
     tokenize.TokenError, zipfile.BadZipFile, zlib.error,
 )  # fmt: skip
 FORMER_TOLERANCE = 0.001  # of losses that earlier versions counted in part, unless they were asked for more
+BENDS = "bend_"  # before the names of arrays of `LossBends`, in files
 COMPUTED_ON = "what computed them: cpu, or gpu and its name"
 
 
@@ -84,6 +86,8 @@ class LossCurves:
     computed_on: str = as_in(CurvesHeader, "computed_on")
     field_of_view: float | None = as_in(CurvesHeader, "field_of_view")
     actuator: Actuator = described(ACTUATOR, default=Actuator.BACKLIGHT)
+    # the same curves at any factor; None where only the knots are known
+    bends: LossBends | None = None
 
     def __post_init__(self) -> None:
         n, k = len(self.times), len(self.factors)
@@ -97,6 +101,8 @@ class LossCurves:
             raise ValueError("times_s must rise from frame to frame")
         if k < 2 or not rises(self.factors) or self.factors[-1] != 1:
             raise ValueError("factors must rise to 1 with at least two knots")
+        if self.bends is not None and len(self.bends.contents) != n:
+            raise ValueError(f"bends must be of {n} frames, got {len(self.bends.contents)}")
 
     def __repr__(self) -> str:
         return one_line(self, self.video, self.times, factors=self.factors, loss=self.loss)
@@ -143,21 +149,27 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
         curves.actuator,
     )  # fmt: skip
     header = mapping_from_record(made_for)
+    arrays = {name: getattr(curves, name) for name in ARRAY_SHAPES}
+    if curves.bends is not None:
+        arrays |= {BENDS + name: getattr(curves.bends, name) for name in LossBends.__slots__}
     stream = io.BytesIO()
-    np.savez_compressed(
-        stream, header=np.array(json.dumps(header)), **{name: getattr(curves, name) for name in ARRAY_SHAPES}
-    )
+    np.savez_compressed(stream, header=np.array(json.dumps(header)), **arrays)
     write_whole(path, stream.getvalue())
 
 
 def read_loss_curves(path: Path) -> LossCurves:
     """Return the loss curves of an npz file; raise `InputError` if it holds none."""
     made_for, arrays = _npz_content(path, ARRAY_SHAPES)
+    found = {name: arrays.pop(BENDS + name, None) for name in LossBends.__slots__}
+    missing = [BENDS + name for name, values in found.items() if values is None]
+    if 0 < len(missing) < len(found):
+        raise InputError(f"{path}: {missing[0]} is missing; compute the curves again")
     try:
         curves = LossCurves(
             made_for.video, made_for.display, **arrays,
             provenance=made_for.provenance, computed_on=made_for.computed_on,
             field_of_view=made_for.field_of_view, actuator=made_for.actuator,
+            bends=None if missing else LossBends(**found),
         )  # fmt: skip
         require_possible_curves(curves)
     except (ValueError, TypeError) as error:
@@ -179,7 +191,8 @@ def _npz_content(path: Path, names: Iterable[str]) -> tuple[CurvesHeader, dict[s
         with stream, np.load(stream, allow_pickle=False) as content:
             require_array_sizes(content, MOST_NUMBERS, path)
             header = json.loads(str(content["header"]))
-            arrays = {name: content[name] for name in names}
+            bends = [name for name in content if names and name.startswith(BENDS)]
+            arrays = {name: content[name] for name in (*names, *bends)}
     except KeyError as error:
         raise InputError(f"{path}: {str(error.args[0]).rstrip()}; expected {what}") from None
     except InputError:

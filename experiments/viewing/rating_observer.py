@@ -27,7 +27,7 @@ from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.sessions.task import SessionSetting
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.experiments.viewing.simulated_viewers import Viewing
-from evenlight.method.contrast.curve_lookup import loss_and_slope
+from evenlight.method.contrast.curve_lookup import loss_at
 
 # The worst stretches of a video weigh more in its quality than its mean (Rimac-Drlje, Vranjes & Zagar 2009):
 # 1 would be the mean, infinity the worst frame alone. 4 is a choice between, usual where what can be seen is
@@ -56,7 +56,7 @@ def pooled_loss(curves: LossCurves, factors: Array, seconds: float | None = None
     float
         In [0, 1]; 0 where nothing is visible anyway.
     """
-    loss = np.minimum(loss_and_slope(curves, factors)[0], 1.0)
+    loss = np.minimum(loss_at(curves, factors), 1.0)
     weight = curves.visible_contrast * curves.durations
     if seconds is not None:
         weight = np.where(curves.times - curves.times[0] < seconds, weight, 0.0)

@@ -49,20 +49,28 @@ class BandShares:
         Knots b, rising to 1.
     bands : sequence of BandTable
         Their sensitivities, finest first.
+
+    Attributes
+    ----------
+    log_factors : array, (F,)
+        log2 of the factors at which is counted: all ends of cells where pixels have critical factors in all
+        bands, else the knots.
     """
 
     def __init__(self, model: ContrastModel, factors: Array, bands: Sequence[BandTable]) -> None:
         self._model, self._bands = model, bands
-        self._log_factors = np.log2(factors)
         # A multiple, so that knots in equal ratios lie between cells, and no pixel is counted in part.
         self._n_cells = -(-_CELLS // (len(factors) - 1)) * (len(factors) - 1)
         whole = model.visibility is not Visibility.SOFT and model.loss is not LossForm.SUPRATHRESHOLD
+        self._log_knots = self.log_factors = np.log2(factors)
+        if whole and all(band.rises for band in bands):
+            self.log_factors = np.linspace(self.log_factors[0], 0.0, self._n_cells + 1)
         self._seen = [
-            None if whole and band.rises else SeenContrast(band, model, self._log_factors) for band in bands
+            None if whole and band.rises else SeenContrast(band, model, self.log_factors) for band in bands
         ]
 
     def of(self, fine: Any, coarse: Any, coarser: Any, number: int) -> Array:
-        """Return what the pixels of a band count at each knot, (K,); 0 where nothing can be seen.
+        """Return what the pixels of a band count at each factor, (F,); 0 where nothing can be seen.
 
         Parameters
         ----------
@@ -73,26 +81,31 @@ class BandShares:
         """
         band, seen = self._bands[number], self._seen[number]
         if not band.can_be_seen:
-            return np.zeros(len(self._log_factors))
+            return np.zeros(len(self.log_factors))
         around = expanded(coarser, *coarse.shape)
         levels, to_contrast = (fine, coarse, around), contrast_tables(band, self._model, (fine, around))
         masks_itself = self._model.masking is MaskingNeighbourhood.WITH_CENTRE
         masking = masks_itself, np.float32(self._model.masking_strength)
         few = fine.size <= FEW_PIXELS
         if seen is None:
-            way = 1 - self._log_factors / self._log_factors[0]  # of log b from the lowest factor to 1
+            way = 1 - self.log_factors / self.log_factors[0]  # of log b from the lowest factor to 1
             visible, tables = np.empty(len(way)), (to_contrast, self._factor_tables(band), masking)
             _count_at_references(levels, tables, REFERENCES if few else 1, way * self._n_cells, visible)
         else:
             visible = self._by_contrast(seen.responses(few), levels, (to_contrast, masking))
+        return np.asarray(visible / fine.size)
+
+    def at_knots(self, counted: Array, number: int) -> Array:
+        """Return what a band's pixels count at each knot, (K,), from the same at each factor, (F,)."""
+        at_knots: Array = np.interp(self._log_knots, self.log_factors, counted)
         # Where two counts meet, a pixel may seem to vanish again as b grows.
-        return np.asarray((np.maximum.accumulate(visible) if band.rises else visible) / fine.size)
+        return np.asarray(np.maximum.accumulate(at_knots)) if self._bands[number].rises else at_knots
 
     def _by_contrast(
         self, responses: list[Response], levels: tuple[Any, Any, Any], tables: tuple[ContrastTables, Masking]
     ) -> Array:
         to_contrast, masking = tables
-        visible = np.empty(len(self._log_factors))
+        visible = np.empty(len(self.log_factors))
         for response in responses:
             at = to_contrast._replace(log_factor=response.log_reference)
             cells = CellTables.of(response, self._model)
@@ -106,7 +119,7 @@ class BandShares:
             log_faintest=np.float32(band.log_sensitivity_range[0]),
             log_span=np.float32(np.ptp(band.log_sensitivity_range)),
             steepest=np.float32(band.steepest),
-            log_lowest_factor=np.float32(self._log_factors[0]),
+            log_lowest_factor=np.float32(self.log_factors[0]),
             counts=np.zeros(0, np.int64),
         )
 

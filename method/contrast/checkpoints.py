@@ -25,8 +25,10 @@ class AnalysedFrames:
     ----------
     times, durations, shown : array (n,)
         When each frame appears and for how long [s], and the number of its content in the video.
-    rows : array (contents, 5 + K)
-        Of each content: visible contrast, mean luminance, means of three channels, losses.
+    rows : array (contents, 6 + K)
+        Of each content: visible contrast, mean luminance, means of three channels, number of bends, losses.
+    bends : array (M, 2)
+        Of all contents, one after the other: brightness factors and losses.
     floor : array (n, K) or None
         What the pixels' floor adds to the loss of each frame, where pixels dim.
     """
@@ -35,6 +37,7 @@ class AnalysedFrames:
     durations: Array
     shown: Array
     rows: Array
+    bends: Array
     floor: Array | None = None
 
     @property
@@ -62,20 +65,24 @@ class Checkpoints:
     begun: AnalysedFrames | None = None
     _frames: int = field(default=0, init=False)  # kept by now
     _contents: int = field(default=0, init=False)
+    _bends: int = field(default=0, init=False)
     _last: float = field(init=False)  # when something was kept [s]
 
     def __post_init__(self) -> None:
         self._last = self.clock()
         if self.begun is not None:
             self._frames, self._contents = self.begun.n_frames, len(self.begun.rows)
+            self._bends = self.begun.bends.size
 
-    def at(self, numbers: array[float], width: int, frames: tuple[Sequence[float], ...]) -> None:
+    def at(
+        self, numbers: array[float], bends: array[float], width: int, frames: tuple[Sequence[float], ...]
+    ) -> None:
         """Keep what is complete, if it is time.
 
         Parameters
         ----------
-        numbers : array of float
-            The rows so far, one after the other.
+        numbers, bends : array of float
+            The rows and the bends so far, one after the other.
         width : int
             Of a row.
         frames : (times, durations, shown)
@@ -89,5 +96,5 @@ class Checkpoints:
         part = slice(self._frames, end)
         rows = np.array(numbers[self._contents * width :]).reshape(-1, width)
         kept = np.array(times[part]), np.array(durations[part]), np.array(shown[part])
-        self.keep(AnalysedFrames(*kept, rows))
-        self._frames, self._contents, self._last = end, contents, now
+        self.keep(AnalysedFrames(*kept, rows, np.array(bends[self._bends :]).reshape(-1, 2)))
+        self._frames, self._contents, self._bends, self._last = end, contents, len(bends), now

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.contrast_model import (
     DEFAULT_MODEL,
     ContrastModel,
@@ -65,6 +66,13 @@ def contrast_loss(
     return loss_of(dimmed, reference, model.loss)
 
 
+def losses_of(dimmed: Array, reference: float, form: LossForm = LossForm.RELATIVE) -> Array:
+    """Return `loss_of` of each of several visible contrasts."""
+    if form is LossForm.ABSOLUTE:
+        return np.abs(reference - dimmed)
+    return np.minimum(1.0, np.abs(1 - dimmed / reference)) if reference > 0 else np.zeros_like(dimmed)
+
+
 def loss_of(dimmed: float, reference: float, form: LossForm = LossForm.RELATIVE) -> float:
     """Return |1 - C_v^D / C_v^I| within [0, 1], and 0 where the reference is 0 (Eq. 5).
 
@@ -73,9 +81,7 @@ def loss_of(dimmed: float, reference: float, form: LossForm = LossForm.RELATIVE)
     >>> loss_of(0.25, 0.5), loss_of(0.0, 0.0), loss_of(0.25, 0.5, LossForm.ABSOLUTE)
     (0.5, 0.0, 0.25)
     """
-    if form is LossForm.ABSOLUTE:
-        return abs(reference - dimmed)
-    return min(1.0, abs(1 - dimmed / reference)) if reference > 0 else 0.0
+    return float(losses_of(np.array(dimmed), reference, form))
 
 
 def visible_contrast(

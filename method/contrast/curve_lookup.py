@@ -32,6 +32,11 @@ def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
     return np.maximum(below + slope * (factors - knots[segment]), 0.0), slope
 
 
+def loss_at(curves: LossCurves, factors: Array) -> Array:
+    """Return 𝓛_c of each frame at its factor, (N,), as it is published: by bends where they are known."""
+    return loss_and_slope(curves, factors)[0] if curves.bends is None else curves.bends.at(factors)
+
+
 def factor_at_loss(curves: LossCurves, loss: Array) -> Array:
     """Return the factor at which each frame has a given contrast loss; the nearest knot where none has.
 

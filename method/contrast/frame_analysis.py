@@ -24,7 +24,8 @@ from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import LumaChroma, Pixels
 from evenlight.method.contrast.band_shares import BandShares
-from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
+from evenlight.method.contrast.bends import NO_BENDS, bends_of
+from evenlight.method.contrast.contrast_loss import losses_of, visible_contrast
 from evenlight.method.contrast.critical_factor import TABLE_STEPS, band_tables, tables_hold
 from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.luminance import dimmed_luminance
@@ -42,6 +43,7 @@ class FrameLoss:
     visible_contrast: float  # C_v of the undimmed frame
     mean_luminance: float  # Ī, mean luminance emitted at b = 1 [cd/m^2]
     channel_means: Array  # (3,): means of the linear R, G, B channels
+    bends: Array  # (M, 2): factors b and 𝓛_c between which it is linear; none if only knots are known
 
 
 class FrameAnalyzer(Protocol):
@@ -115,6 +117,9 @@ class FrameAnalysis:
         self._display, self._model, self._factors = display, model, factors
         self._bands = band_tables(shape, float(factors[0]), display, model, table_steps)
         self._band_shares = BandShares(model, factors, self._bands)
+        self._counted_at = np.exp2(self._band_shares.log_factors)
+        below = np.searchsorted(factors, self._counted_at, side="right") - 1
+        self._knot_below = np.clip(below, 0, len(factors) - 2)
         self._spare = SpareArrays()
         self._light = FrameLight(display, model.pixel_to_luminance, self._spare.take)
 
@@ -130,25 +135,32 @@ class FrameAnalysis:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
         luminance, means = self._light.luminance_and_means(pixels)
         mean = float(luminance.mean(dtype=np.float64))
-        visible = self._in_one_pass(luminance) if self.in_one_pass else self._by_definition(luminance)
+        counted, visible = (self._in_one_pass if self.in_one_pass else self._by_definition)(luminance)
         self._spare.give_back(luminance)
         reference = float(visible[-1])
-        loss = np.array([loss_of(float(C_v), reference, self._model.loss) for C_v in visible])
-        return FrameLoss(loss, reference, mean, means)
+        loss = losses_of(visible, reference, self._model.loss)
+        if len(counted) == len(visible):
+            return FrameLoss(loss, reference, mean, means, NO_BENDS)
+        between = losses_of(counted, reference, self._model.loss)
+        between = np.clip(between, loss[self._knot_below + 1], loss[self._knot_below])
+        return FrameLoss(loss, reference, mean, means, bends_of(self._counted_at, between))
 
-    def _by_definition(self, emitted: NDArray[np.float32]) -> Array:
+    def _by_definition(self, emitted: NDArray[np.float32]) -> tuple[Array, Array]:
         dimmed = (dimmed_luminance(emitted, b, self._display) for b in self._factors)
-        return np.array([visible_contrast(D, self._display, self._model) for D in dimmed])
+        visible = np.array([visible_contrast(D, self._display, self._model) for D in dimmed])
+        return visible, visible
 
-    def _in_one_pass(self, emitted: NDArray[np.float32]) -> Array:
-        """Return the visible contrast at each knot, (K,): the mean of the bands' shares of visible pixels."""
-        visible = np.zeros(len(self._factors))
+    def _in_one_pass(self, emitted: NDArray[np.float32]) -> tuple[Array, Array]:
+        """Return the visible contrast at each factor, (F,), and at the knots: means of the bands' shares."""
+        counted, visible = np.zeros(len(self._counted_at)), np.zeros(len(self._factors))
         level, coarser = emitted, reduced(emitted)
         for band in range(len(self._bands)):
             coarsest = reduced(coarser)
-            visible += self._band_shares.of(level, coarser, coarsest, band)
+            seen = self._band_shares.of(level, coarser, coarsest, band)
+            counted += seen
+            visible += self._band_shares.at_knots(seen, band)
             level, coarser = coarser, coarsest
-        return visible / len(self._bands)
+        return counted / len(self._bands), visible / len(self._bands)
 
 
 class SpareArrays:

@@ -11,18 +11,19 @@ from __future__ import annotations
 
 import itertools
 from array import array
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from evenlight.data_schema.arrays import Array
+from evenlight.data_schema.arrays import Array, Integers
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL, ContrastModel
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame, LumaChroma, Pixels, same_pixels
 from evenlight.data_schema.provenance import Provenance, provenance_now
+from evenlight.data_schema.tracks.loss_bends import LossBends
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.method.choices import ONE_CORE, AnalysisEffort, Device
 from evenlight.method.contrast.checkpoints import AnalysedFrames, Checkpoints
@@ -97,11 +98,12 @@ def analyze_frames(
     if first is None:
         raise InputError(f"{video}: holds no frame; at least one is needed")
     chosen = make_frame_analysis(first.shape[:2], display, model, knots, effort.device)
-    rows = _gathered(
+    rows, bends = _gathered(
         frame_losses(chosen.analysis, itertools.chain([first], contents), effort.threads, timeline.spare),
         timeline,
         checkpoints,
     )
+    known = _loss_bends(bends, rows[:, _BESIDE - 1].astype(np.int64), timeline.shown)
     if timeline.shown[-1] + 1 < len(timeline.shown):
         rows = rows[timeline.shown]
     return LossCurves(
@@ -113,26 +115,38 @@ def analyze_frames(
         loss=rows[:, _BESIDE:],
         visible_contrast=rows[:, 0],
         mean_luminance=rows[:, 1],
-        channel_means=rows[:, 2:_BESIDE],
+        channel_means=rows[:, 2:5],
         provenance=provenance or provenance_now(),
         computed_on=chosen.name,
+        bends=known,
     )
 
 
-_BESIDE = 5  # columns before the loss: contrast, luminance and three channels
+_BESIDE = 6  # columns before the loss: contrast, luminance, three channels, and how many bends
 
 
-def _gathered(results: Iterable[FrameLoss], timeline: _Timeline, checkpoints: Checkpoints | None) -> Array:
-    """Return a row for each frame: nothing is kept of a frame but these numbers."""
+def _gathered(
+    results: Iterable[FrameLoss], timeline: _Timeline, checkpoints: Checkpoints | None
+) -> tuple[Array, Array]:
+    """Return a row for each content, and the bends of all: nothing else is kept of a frame."""
     begun = None if checkpoints is None else checkpoints.begun
     numbers = array("d", () if begun is None else begun.rows.ravel())
+    bends = array("f", () if begun is None else begun.bends.ravel())
     for found in results:
-        means, loss = found.channel_means, found.loss
-        row = [found.visible_contrast, found.mean_luminance, *means, *loss]
+        row = [found.visible_contrast, found.mean_luminance, *found.channel_means, len(found.bends)]
+        row.extend(found.loss)
         numbers.extend(row)
+        bends.extend(found.bends.ravel())
         if checkpoints is not None:
-            checkpoints.at(numbers, len(row), (timeline.times, timeline.durations, timeline.shown))
-    return np.frombuffer(numbers).reshape(-1, len(row))
+            frames = timeline.times, timeline.durations, timeline.shown
+            checkpoints.at(numbers, bends, len(row), frames)
+    return np.frombuffer(numbers).reshape(-1, len(row)), np.array(bends).reshape(-1, 2)
+
+
+def _loss_bends(bends: Array, counts: Integers, shown: Sequence[int]) -> LossBends | None:
+    if not counts.all():
+        return None
+    return LossBends(np.array(shown), np.append(0, np.cumsum(counts)), bends[:, 0], bends[:, 1])
 
 
 @dataclass(slots=True)

@@ -164,7 +164,8 @@ class FlooredFrames:
         falling = np.maximum.accumulate(loss[:, ::-1], axis=1)[:, ::-1]
         touched = np.abs(added).max(axis=1, keepdims=True) > 0
         loss = np.where(touched, falling, curves.loss)
-        return replace(curves, loss=loss, actuator=Actuator.PIXELS)
+        bends = None if touched.any() else curves.bends
+        return replace(curves, loss=loss, bends=bends, actuator=Actuator.PIXELS)
 
 
 def floor_in_samples(

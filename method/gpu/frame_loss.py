@@ -17,7 +17,8 @@ from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Pixels, rgb_of
 from evenlight.method.contrast.band_shares import REFERENCES
-from evenlight.method.contrast.contrast_loss import loss_of
+from evenlight.method.contrast.bends import NO_BENDS
+from evenlight.method.contrast.contrast_loss import loss_of, losses_of
 from evenlight.method.contrast.frame_analysis import FrameLoss
 from evenlight.method.contrast.one_factor import MeasuredLoss
 from evenlight.method.gpu.context import Fence, OwnContext
@@ -90,8 +91,8 @@ class GpuCurve:
             visible += np.maximum.accumulate(band[reference, knots])
         visible /= self.one_pass.n_bands
         reference_contrast = float(visible[-1])
-        loss = np.array([loss_of(float(C_v), reference_contrast, self._form) for C_v in visible])
-        return FrameLoss(loss, reference_contrast, emitted_mean(means, self._display), means[:3])
+        loss = losses_of(visible, reference_contrast, self._form)
+        return FrameLoss(loss, reference_contrast, emitted_mean(means, self._display), means[:3], NO_BENDS)
 
 
 class GpuFrameAnalysis:

@@ -13,7 +13,7 @@ from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.quantities import read_only
 from evenlight.data_schema.tracks.loss_curves import LossCurves
-from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
+from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_at
 from evenlight.method.online.controller import Controller, ControllerState, FrameMeasurement, SteeredTarget
 from evenlight.method.online.governor import FrameCost, Governor, GovernorState
 from evenlight.method.online.lookahead import ForeseenFrame, LookaheadController, LookaheadSettings
@@ -136,7 +136,7 @@ def _track(
     return ControlledTrack(
         durations=curves.durations,
         factors=factors,
-        contrast_loss=loss_and_slope(curves, factors)[0],
+        contrast_loss=loss_at(curves, factors),
         rate=modulation_rate(factors, luminance, curves.durations),
         rate_limit=allowed_rate(factors, luminance, lambda _: limits),
         limited=np.array([state.limited for state in states]),

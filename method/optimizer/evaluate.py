@@ -16,6 +16,7 @@ from evenlight.data_schema.tracks.brightness_track import (
 )
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome, OptimizationSummary
 from evenlight.method.choices import ObjectiveName
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.detectability import watched
 from evenlight.method.optimizer.lower_bound import checked_bound
 from evenlight.method.optimizer.optimize import Problem
@@ -72,7 +73,7 @@ def track_of(problem: Problem, request: Request, factors: Array, header: TrackHe
     return BrightnessTrack(
         times=curves.times,
         factors=factors,
-        contrast_loss=np.clip(problem.loss(factors), 0.0, 1.0),
+        contrast_loss=np.clip(loss_at(curves, factors), 0.0, 1.0),
         mean_luminance=factors * curves.mean_luminance + reflected,
         rate=np.where(unseen, 0.0, rate),
         rate_limit=np.where(unseen, own, limit),
@@ -107,11 +108,13 @@ def summarize(
     curves, header, battery = problem.curves, track.header, request.battery
     share = curves.durations / curves.durations.sum()
     baseline, objective = problem.baseline(), problem.spread(track.contrast_loss)
+    baseline_loss = loss_at(curves, baseline)
     minimized, value = problem.minimized, problem.value(track.contrast_loss)
-    bound, outcome = checked_bound(answer.lower_bound, value), answer.minimized
+    # The bound is of curves that are linear between knots, as the solver has them.
+    bound = min(checked_bound(answer.lower_bound, problem.objective(track.factors)), value)
+    outcome = answer.minimized
     if minimized.name is not ObjectiveName.SPREAD:
-        outcome = MinimizedOutcome(minimized.name.value, value, problem.objective(baseline), bound)
-    baseline_loss = problem.loss(baseline)
+        outcome = MinimizedOutcome(minimized.name.value, value, problem.value(baseline_loss), bound)
     mean_factor, mean_power = float(share @ track.factors), None
     baseline_power = full_power = None
     achieved = {BudgetUnit.FACTOR: mean_factor}

@@ -169,7 +169,7 @@ def bound_of_costs(problem: Problem, costs: Array, price: float, known: float) -
     n, knots = problem.curves.n_frames, problem.curves.factors
     least = costs.min(axis=1, keepdims=True)
     scale = max(float((costs - least).max()), np.finfo(float).tiny)
-    shares = replace(problem.curves, loss=np.clip((costs - least) / scale, 0.0, 1.0))
+    shares = replace(problem.curves, loss=np.clip((costs - least) / scale, 0.0, 1.0), bends=None)
     relaxation = _Relaxation.of(replace(problem, curves=shares), np.full(n, scale))
     step = float(np.abs(np.diff(costs, axis=1) / np.diff(knots)).mean()) * n / 16
     best = _best_over_prices(relaxation, price, max(step, 1e-9), TRIALS, GOOD_ENOUGH * abs(known))

@@ -16,6 +16,7 @@ import numpy as np
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.rate_limit import RateLimit
+from evenlight.data_schema.tracks.loss_bends import LossBends
 from evenlight.data_schema.tracks.loss_curves import ARRAY_SHAPES, LossCurves
 from evenlight.method.choices import LimitCurve, ModulatedLuminance
 from evenlight.method.contrast.curve_lookup import loss_and_slope
@@ -256,6 +257,8 @@ def joined_curves(clips: Sequence[LossCurves]) -> LossCurves:
         times.append(clip.times - clip.times[0] + start)
         start = float(times[-1][-1] + clip.durations[-1])
     arrays["times"] = np.concatenate(times)
+    bends = [clip.bends for clip in clips if clip.bends is not None]
+    arrays["bends"] = LossBends.joined(bends) if len(bends) == len(clips) else None
     return replace(first, video=" + ".join(clip.video for clip in clips), **arrays)
 
 

@@ -218,7 +218,7 @@ def _coarse_curves(curves: LossCurves, starts: NDArray[np.int64]) -> LossCurves:
     for name in ("loss", "visible_contrast", "channel_means"):
         means[name] = np.clip(means[name], 0.0, 1.0)  # but for rounding they lie there
     means["times"], means["durations"] = curves.times[starts], np.add.reduceat(curves.durations, starts)
-    return replace(curves, **means)
+    return replace(curves, **means, bends=None)
 
 
 def _coarse_allowances(allowances: Array | None, starts: NDArray[np.int64]) -> Array | None:

@@ -212,7 +212,9 @@ def test_a_run_goes_on_after_parts_that_follow_each_other(
 
 
 def part_of(columns: dict[str, Any]) -> AnalysedFrames:
-    return AnalysedFrames(**{name: np.asarray(values) for name, values in columns.items()})
+    return AnalysedFrames(
+        **{name: np.asarray(values) for name, values in ({"bends": np.zeros((4, 2))} | columns).items()}
+    )
 
 
 RECORDS = "says what is in a file, and checks it: no number is made there"
@@ -229,6 +231,7 @@ NOT_IN_KEY = {
     "evenlight.data_schema.storage.whole_files": FILES,
     "evenlight.data_schema.tracks.brightness_track": RECORDS,
     "evenlight.data_schema.tracks.film_reading": RECORDS,
+    "evenlight.data_schema.tracks.loss_bends": RECORDS,
     "evenlight.data_schema.tracks.loss_curves": RECORDS,
     "evenlight.stimuli.sequence_format": SCENES,
 }
