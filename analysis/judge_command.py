@@ -34,7 +34,7 @@ def judge(
     ] = None,
     display: DisplayOption = None,
     fps: FpsOption = None,
-    jobs: JobsOption = 1,
+    jobs: JobsOption = 0,
     modulation: Annotated[
         bool, expert(help="Whether to ask ColorVideoVDP, if installed, how visible the dimming itself is.")
     ] = True,

@@ -107,12 +107,12 @@ class Analysed:
         File | None,
         expert(help="loss_curves.npz of an earlier run on this video and display, to save the analysis."),
     ] = None
-    jobs: JobsOption = 1
+    jobs: JobsOption = 0
     device: Annotated[Member[Device], device_option] = Device.CPU
 
     def check_analysis(self) -> None:
         """Refuse, in one line, how no video can be analysed."""
-        usual = whole("jobs", self.jobs) == 1 and choice("device", self.device, Device) is Device.CPU
+        usual = whole("jobs", self.jobs) in (0, 1) and choice("device", self.device, Device) is Device.CPU
         if self.curves is not None and not usual:
             raise InputError("`jobs` and `device` are for computing loss curves, which `curves` gives")
 

@@ -133,8 +133,7 @@ class FrameAnalysis:
 
     def of(self, pixels: Pixels) -> FrameLoss:
         """Return the loss curve and the means of a frame, (height, width, 3) gamma-encoded."""
-        luminance, means = self._light.luminance_and_means(pixels)
-        mean = float(luminance.mean(dtype=np.float64))
+        luminance, mean, means = self._light.luminance_and_mean(pixels)
         counted, visible = (self._in_one_pass if self.in_one_pass else self._by_definition)(luminance)
         self._spare.give_back(luminance)
         reference = float(visible[-1])

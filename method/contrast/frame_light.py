@@ -74,6 +74,14 @@ class FrameLight:
             return self._of_luma(pixels), channel_means(rgb_of(pixels), self._display.gamma)
         return self._converted(pixels)
 
+    def luminance_and_mean(self, pixels: Pixels) -> tuple[Luminance, float, NDArray[np.float64]]:
+        """Return I, its mean Ī, and the means of the linear R, G, B channels, (3,)."""
+        luminance, means = self.luminance_and_means(pixels)
+        if self._order is PixelToLuminance.LUMA_FIRST:
+            return luminance, float(luminance.mean(dtype=np.float64)), means
+        black, peak = self._display.black_level, self._display.peak_luminance
+        return luminance, float(black + (peak - black) * (LUMINANCE_WEIGHTS @ means)), means
+
     def _of_luma(self, pixels: Pixels) -> Luminance:
         """Return I of pixel values whose channels are weighed first."""
         wide = emitted_luminance(rgb_of(pixels), self._display, PixelToLuminance.LUMA_FIRST)

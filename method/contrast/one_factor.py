@@ -142,9 +142,9 @@ class OneFactorLoss:
             raise InputError(f"expected a frame of the shape {self._shape}, got {pixel_values.shape[:2]}")
         if not self._lowest * (1 - 1e-9) <= factor <= 1:
             raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
-        luminance = self._light.luminance(pixel_values)
+        luminance, mean, _ = self._light.luminance_and_mean(pixel_values)
         dimmed, full = self.visible_contrast(luminance, factor, turn)
-        return MeasuredLoss(loss_of(dimmed, full, self._model.loss), float(luminance.mean(dtype=np.float64)))
+        return MeasuredLoss(loss_of(dimmed, full, self._model.loss), mean)
 
     def visible_contrast(
         self, emitted: NDArray[np.float32], factor: float, turn: int = 0

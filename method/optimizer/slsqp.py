@@ -16,6 +16,7 @@ from evenlight.method.optimizer.optimize import BUDGET_TOLERANCE, Problem, Solut
 CONVERGED = 1e-8  # the paper's tolerance
 PERTURBATION = 0.01  # standard deviation of the start about the constant
 MOST_FRAMES = 500  # longer problems are refused: time grows with the cube of N
+MOST_ITERATIONS = 1000
 NO_LIMIT = 2.0  # change of a factor: twice what any step can be
 
 
@@ -43,7 +44,9 @@ class SlsqpSolver:
         return Solution(factors, iterations)
 
 
-def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array, int]:
+def slsqp_from(
+    problem: Problem, start: Array, tolerance: float, iterations: int = MOST_ITERATIONS
+) -> tuple[Array, int]:
     """Return what SLSQP makes of a start, drawn into the limits, and its iterations.
 
     Where it ends off the budget, the answer is the constant baseline.
@@ -54,8 +57,8 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
         N frames; time grows with the cube of N.
     start : array, (N,)
         Factors; they need not keep the limits.
-    tolerance : float
-        Of convergence.
+    tolerance, iterations : float, int
+        Of convergence, and how many it may take.
     """
     n, budget, reach = len(start), problem.baseline_factor, problem.step_reach()
     limits: list[scipy.optimize.LinearConstraint | scipy.optimize.NonlinearConstraint] = [
@@ -71,7 +74,7 @@ def slsqp_from(problem: Problem, start: Array, tolerance: float) -> tuple[Array,
         method="SLSQP",
         bounds=[(problem.lowest_factor, 1.0)] * n,
         constraints=limits,
-        options={"maxiter": 1000, "ftol": tolerance},
+        options={"maxiter": iterations, "ftol": tolerance},
     )
     factors = np.clip(result.x, problem.lowest_factor, 1.0)
     met = abs(problem.budget_error(factors)) <= BUDGET_TOLERANCE

@@ -49,6 +49,7 @@ AGREED = 1e-5  # share of the baseline's objective: searches no further apart ha
 DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where searches do not agree
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
+DENSE_ITERATIONS = 2500  # of all starts together; each takes about a millisecond
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
 HAIR = 1e-8  # mean factor: a budget nearer to its end than this leaves nothing to polish
 DENSE_TOLERANCE = 1e-10
@@ -163,20 +164,21 @@ def _better(problem: Problem, best: Solution, other: Solution) -> Solution:
 def _polished(problem: Problem, best: Solution, starts: int) -> Solution:
     """Return the best that a dense solver makes of the best answer, of others near it and near the baseline.
 
-    It ends after so many fruitless starts in turn, or twice as many in all. The dual variables stay: they
-    certify any answer, not just the one they came with.
+    It ends after so many fruitless starts in turn, twice as many in all, or `DENSE_ITERATIONS`. The dual
+    variables stay: they certify any answer, not just the one they came with.
     """
-    n = problem.curves.n_frames
+    n, left = problem.curves.n_frames, DENSE_ITERATIONS
     if min(problem.baseline_factor - problem.lowest_factor, 1 - problem.baseline_factor) < HAIR:
         return best
     fruitless = 0
     for turn in range(2 * starts):
         before = problem.objective(best.factors)
-        if before <= NO_SPREAD or fruitless == starts:
+        if before <= NO_SPREAD or fruitless == starts or left <= 0:
             break
         start = best.factors if turn % 2 == 0 else problem.baseline()
         wave = _wave(n, turn // 2) if turn % 2 == 0 else 0.1 * _wave(n, turn)
-        factors, iterations = slsqp_from(problem, start + (wave if turn else 0.0), DENSE_TOLERANCE)
+        factors, iterations = slsqp_from(problem, start + (wave if turn else 0.0), DENSE_TOLERANCE, left)
+        left -= iterations
         best = _better(problem, best, replace(best, factors=factors, iterations=iterations))
         fruitless = 0 if problem.objective(best.factors) < before * (1 - WORTHWHILE) else fruitless + 1
     return best

@@ -57,7 +57,7 @@ def test_the_default_measure_says_what_the_optimizer_said(command, tmp_path, jud
     summary = json.loads((track / "summary.json").read_text())
     relative, castle = told(tmp_path / "out")["measured"]
     asked = tomllib.loads((tmp_path / "out" / "request.toml").read_text())["asked"]
-    assert (asked["measures"], asked["modulation"], asked["jobs"]) == ("relative, castle", False, 1)
+    assert (asked["measures"], asked["modulation"], asked["jobs"]) == ("relative, castle", False, 0)
     assert relative["spread"] == pytest.approx(summary["objective"], rel=1e-9)
     assert relative["spread_constant"] == pytest.approx(summary["objective_baseline"], rel=1e-9)
     assert relative["mean_loss"] == pytest.approx(summary["mean_contrast_loss"], rel=1e-9)
