@@ -26,14 +26,14 @@ def recorded(name: str, events: list[Event], seconds: float) -> LossCurves:
     """Return the loss curves of this process's screen, look by look."""
     display, knots, rows, before = load_display("laptop-lcd"), brightness_factors(0.05), [], b""
     with opened_screens() as grabber:
-        area = grabber.monitors[1]
-        analysis = FrameAnalysis((area["height"], area["width"]), display, DEFAULT_MODEL, knots)
+        shot = grabber.grab(name := grabber.names()[0])
+        analysis = FrameAnalysis((shot.height, shot.width), display, DEFAULT_MODEL, knots)
         begun = time.monotonic()
         for k in range(round(seconds / LOOKS)):
             time.sleep(max(begun + k * LOOKS - time.monotonic(), 0.0))
             while events and events[0][0] <= k * LOOKS:
                 events.pop(0)[1]()
-            shot = grabber.grab(area)
+            shot = grabber.grab(name)
             if shot.raw != before:
                 before = shot.raw
                 pixels = np.frombuffer(before, np.uint8).reshape(shot.height, shot.width, 4)[..., 2::-1]

@@ -23,7 +23,7 @@ from evenlight.data_schema.tracks.loss_curves import LossCurves, read_loss_curve
 from evenlight.experiments.desktop.live_loop import LOOKS, LiveLoop, Monitor
 from evenlight.experiments.desktop.loss_target import LossTarget, factor_due
 from evenlight.experiments.desktop.monitor_dimmer import MonitorDimmer, ScreenLight
-from evenlight.experiments.desktop.screens import MOST_WORK
+from evenlight.experiments.desktop.screens import CHANGED
 from evenlight.hardware.backlights import LoggedBacklight
 from evenlight.hardware.simulated.panel import SimulatedBacklight
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
@@ -53,7 +53,7 @@ class RecordedScreen:
         k = round(now / LOOKS) % self.curves.n_frames
         light = ScreenLight(float(self.curves.mean_luminance[k]), self.curves.loss[k])
         if self._seen is None or (now >= self._waits_until and (light.loss != self._seen.loss).any()):
-            self._seen, self._waits_until = light, now + WORK / MOST_WORK
+            self._seen, self._waits_until = light, now + WORK / CHANGED
         return self._seen
 
 
@@ -65,7 +65,7 @@ def dimmed(curves: LossCurves, loss: float = TARGETS[0], budget: float | None = 
     dimmer = MonitorDimmer(panel, clock, fastest, display.peak_luminance, curves.factors, loss, LOWEST)
     due = partial(factor_due, budget or 1.0, POWER)
     target = None if budget is None else LossTarget(dimmer, due, LOWEST)
-    monitor = Monitor("", RecordedScreen(curves), dimmer, lambda _: None, target)  # type: ignore[arg-type]
+    monitor = Monitor("", RecordedScreen(curves), dimmer, lambda _: None, target=target)  # type: ignore[arg-type]
 
     def wait(seconds: float) -> None:
         now[0] += max(seconds, 1e-4)

@@ -2,114 +2,107 @@
 
 from __future__ import annotations
 
-import contextlib
-import json
+import os
 import socket
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
 
+import numpy as np
+
+from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.tracks.film_reading import FilmReading
 from evenlight.experiments.desktop.live_command import LiveOptions
 from evenlight.experiments.desktop.monitor_dimmer import FilmFrame
-from evenlight.experiments.follow.follow_command import FollowOptions
 from evenlight.experiments.follow.follow_film import film_wanted
 from evenlight.experiments.follow.limited_backlight import FilmLight
-from evenlight.experiments.follow.mpv_player import MpvPlayer, join_mpv
+from evenlight.experiments.follow.mpv_player import UNKNOWN, MpvPlayer
 from evenlight.hardware.protocols import InstrumentError
-from evenlight.method.choices import LimitCurve
+from evenlight.method.rate_limit import ScalarRateLimit
 
-OFTEN = 1.0  # [s] between two questions to mpv
-PATIENCE = 0.1  # [s] that it may take to answer
-NO_ANSWER = OSError, ValueError, LookupError, TypeError, AttributeError  # or one that is none of mpv's
-ASKED = ("path", "working-directory", "fullscreen", "display-names")
+OFTEN = 1.0  # [s] between two tries to reach mpv
+PATIENCE = 0.1  # [s] that each may take
+# It does not listen, has ended, or is no mpv.
+NO_PLAYER = OSError, InstrumentError, ValueError, LookupError, TypeError, AttributeError
+NO_TIMES = np.zeros(1)
 
 
 class FilmTracks:
-    """Looks for the track of what an mpv plays full screen, by its IPC socket, and joins it for one."""
+    """Listens to an mpv by its IPC socket, and follows the track of what it plays full screen."""
 
-    def __init__(self, mpv: Path, options: LiveOptions, tell: Callable[[str], None]) -> None:
-        self._mpv, self._options, self._tell = mpv, options, tell
+    def __init__(self, options: LiveOptions, tell: Callable[[str], None]) -> None:
+        self._options, self._tell = options, tell
         self._pool = ThreadPoolExecutor(1)  # reading a film may take longer than the time between two looks
-        self._asked_at = -OFTEN
-        self._film: Path | None = None
-        self._outputs: list[str] = []
-        self._wanted: Future[FilmLight] | None = None
+        self._tried_at = -OFTEN
         self._player: MpvPlayer | None = None
-        self._frame: FilmFrame | None = None
+        self._see(None)
 
-    def frame(self, output: str, now: float) -> FilmFrame | None:
-        """Return what a film on a monitor wants now; None without one, or one whose track is not known."""
-        if now - self._asked_at >= OFTEN:
-            self._asked_at = now
-            try:
-                self._ask()
-            except (InputError, InstrumentError) as error:
-                self._leave()
-                self._tell(f"dimmed by its picture, not by a track: {error}")
-        elsewhere = self._outputs and output not in self._outputs and not output.isdigit()
-        if self._player is None or self._wanted is None or elsewhere:
-            return None
-        self._player.wait(0.0)
-        state, light = self._player.state, self._wanted.result()
-        if (position := state.position(now)) is not None:
-            at = state.frame(position)
-            self._frame = FilmFrame(float(light.factors[at]), float(light.luminance[at]))
-        return self._frame  # while another position is sought, the last one
-
-    def _ask(self) -> None:
-        said = playing_in(self._mpv)
-        shown = said.get("fullscreen") and said["path"]
-        film = Path(said["working-directory"], said["path"]) if shown else None
-        self._outputs = said.get("display-names") or []
-        if film != self._film:
-            if self._player is not None:
-                self._tell("the film is over, or a window again: dimmed by what is on the monitor")
+    def frame(self, output: str, alone: bool, now: float) -> FilmFrame | None:
+        """Return what a film on a monitor, maybe the only one, wants; None without one of a known track."""
+        try:
+            self._listen(now)
+        except NO_PLAYER:
             self._leave()
-            self._film = film
-            if film is not None and (track := track_beside(film, self._options.tracks)):
-                self._wanted = self._pool.submit(self._light_of, film, track)
-        if film is not None and self._wanted is not None and self._wanted.done() and self._player is None:
-            light = self._wanted.result()
-            self._player = join_mpv(self._mpv, film, light.times, light.reading)
-            self._tell(f"{film.name}: dimmed by its track")
+        state, light = self._player.state if self._player else None, self._light
+        if state is None or light is None or not (alone or output in state.displays):
+            return None
+        if (position := state.position(now)) is None:  # another one is sought
+            return None
+        at = state.frame(position)
+        return FilmFrame(float(light.factors[at]), float(light.luminance[at]))
 
-    def _light_of(self, film: Path, track: Path) -> FilmLight:
-        live = self._options
-        options = FollowOptions(
-            video=film, track=track, rate_limit=str(live.rate_limit), noticed=live.noticed,
-            limit_curve=LimitCurve(live.limit_curve),
-        )  # fmt: skip
-        return film_wanted(options, None if live.display is None else str(live.display))[0]
+    def _listen(self, now: float) -> None:
+        if self._player is None:
+            if self._options.mpv_socket is None or now - self._tried_at < OFTEN:
+                return
+            self._tried_at = now
+            self._player = self._reached(Path(os.devnull))
+        self._player.wait(0.0)
+        state = self._player.state
+        if self._player.ended():
+            self._leave()
+        elif state.fullscreen is not None and state.plays_film is not None:
+            film = Path(state.folder, state.playing) if state.fullscreen and state.playing else None
+            if film != self._film:
+                self._see(film)
+            if film is not None and self._wanted is not None and self._wanted.done():
+                self._follow(film, self._wanted)
+
+    def _see(self, film: Path | None) -> None:
+        self._film = film
+        self._light: FilmLight | None = None
+        self._wanted: Future[tuple[FilmLight, ScalarRateLimit]] | None = None
+        if film is not None and (track := track_beside(film)):
+            display = self._options.display_name
+            self._wanted = self._pool.submit(film_wanted, film, track, display, self._options)
+
+    def _follow(self, film: Path, wanted: Future[tuple[FilmLight, ScalarRateLimit]]) -> None:
+        self._wanted = None
+        try:
+            self._light, _ = wanted.result()
+        except (InputError, InstrumentError) as error:
+            self._tell(f"dimmed by its picture, not by a track: {error}")
+            return
+        self._tell(f"{film.name}: dimmed by its track")
+        if self._player is not None:
+            self._player.close()  # it says all again to who comes anew
+        self._player = self._reached(film, self._light.times, self._light.reading)
+
+    def _reached(self, film: Path, times: Array = NO_TIMES, reading: FilmReading = UNKNOWN) -> MpvPlayer:
+        with socket.socket(socket.AF_UNIX) as connection:
+            connection.settimeout(PATIENCE)
+            connection.connect(str(self._options.mpv_socket))
+            return MpvPlayer(connection.dup(), film, times, reading=reading)
 
     def _leave(self) -> None:
         if self._player is not None:
             self._player.close()
-        self._player = self._wanted = self._frame = None
+        self._player = None
+        self._see(None)
 
 
-def track_beside(film: Path, folder: Path | None) -> Path | None:
-    """Return the track of a film: FOLDER/NAME/track.csv, or the same, or track.csv alone, beside the film."""
-    places = [film.with_suffix(""), film.parent]
-    if folder is not None:
-        places.insert(0, folder / film.stem)
+def track_beside(film: Path) -> Path | None:
+    """Return the track of a film: track.csv in the folder of its name, or else in its own."""
+    places = (film.with_suffix(""), film.parent)
     return next((found for place in places if (found := place / "track.csv").is_file()), None)
-
-
-def playing_in(mpv: Path) -> dict[str, Any]:
-    """Return what mpv says of itself by its IPC socket; nothing where none answers."""
-    said: dict[str, Any] = {}
-    with contextlib.suppress(*NO_ANSWER), socket.socket(socket.AF_UNIX) as connection:
-        connection.settimeout(PATIENCE)
-        connection.connect(str(mpv))
-        for number, name in enumerate(ASKED):
-            asked = {"command": ["get_property", name], "request_id": number}
-            connection.sendall(json.dumps(asked).encode() + b"\n")
-        with connection.makefile("rb") as lines:
-            while len(said) < len(ASKED):
-                answer = json.loads(lines.readline(65536))
-                if "event" not in answer:
-                    said[ASKED[answer["request_id"]]] = answer.get("data")
-        return said
-    return {}

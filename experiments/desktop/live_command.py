@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import functools
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from evenlight.data_schema.errors import InputError
 from evenlight.experiments.playback.play_options import interrupted
 from evenlight.option_panels import QuietOption, asked, expert, with_options
 from evenlight.stimuli.dimming_options import OnDisplay, WithinLimit
@@ -63,10 +65,6 @@ class LiveOptions(OnDisplay, WithinLimit):
         Path | None,
         expert(help="mpv's --input-ipc-server: films with a track are dimmed by it when full screen."),
     ] = None
-    tracks: Annotated[
-        Path | None,
-        expert(help="Folder of such tracks, NAME/track.csv for a film's name; else beside the film."),
-    ] = None
     quiet: QuietOption = False
 
 
@@ -76,10 +74,23 @@ def live(options: LiveOptions) -> None:
     Below the brightness that you set, as far as the picture loses no more than it may, and never faster than
     the rate limit. Whatever ends it, your brightness comes back.
     """
-    from evenlight.experiments.desktop.live_desktop import live_as_asked
-
+    if sys.platform == "win32":
+        raise InputError(
+            "evenlight live drives backlights of Linux; on Windows there is no driver for them yet"
+        )
     try:
-        live_as_asked(options)
+        if options.status or options.pause:
+            from evenlight.experiments.desktop.live_state import running, toggle_pause
+
+            typer.echo(toggle_pause() if options.pause else running().in_words())
+        elif options.uninstall:
+            from evenlight.experiments.desktop.user_service import uninstall
+
+            uninstall()
+        else:
+            from evenlight.experiments.desktop.live_desktop import live_as_asked
+
+            live_as_asked(options)
     except BaseException as error:
         if isinstance(error, Exception | SystemExit):
             raise

@@ -8,7 +8,8 @@ found: so does the ceiling. A panel that is off, or does not answer, is waited f
 
 Decision (docs/decisions/rate-constraint.md): the limit is on what a step of the factor changes in the picture
 on screen. Which one that is nobody knows between two looks, so a step keeps the limit of every picture up to
-a white one. It is made in whole steps of the device, the time of each counted from the end of the last.
+a white one. It is made in whole steps of the device, the time of each counted from the end of the last, and
+only where the device, read right before, is where it was set to.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ from evenlight.data_schema.arrays import Array
 from evenlight.hardware.protocols import Backlight, InstrumentError
 from evenlight.method.rate_limit import ScalarRateLimit, furthest_factor
 
-SHORTEST = 0.02  # [s] between two settings
-HALF_A_STEP = 0.51  # of the backlight's steps: from here on somebody else has set it
-LATE = 1.0  # [s] that a device may be in telling what it was set to
+SHORTEST = 0.05  # [s] between two settings: below 0.2 % of a picture's light, by the published limit
+HALF_A_STEP = 0.51  # of the backlight's steps: from here on somebody else has set it,
+AS_SET = 1e-4  # of a factor; or from here, where the widest of its steps is more than that
 ROUNDING = 1e-6  # of a step
-SAME = 0.01  # of a factor: desktops keep whole percentages
+FINE = 2001  # factors that are looked at: so far apart that nobody sees it
+SAME = 0.006, 0.05  # of full, and of where it stands: desktops set back whole percentages
 # A device goes to its nearest step, which is no further than its widest one if so much less is asked for.
 ALMOST_HALF, MARGIN = 0.49, 0.02
 
@@ -84,7 +86,6 @@ class MonitorDimmer:
 
     def __post_init__(self) -> None:
         self.ceiling = self.set_to = self.backlight.read_factor()
-        self._path = [(-np.inf, self.set_to)]  # when it was set, and to what
         self._changed, self._before = self.clock(), self.white
         self._of_any = limit_of_any_picture(self.rate_limit, self.white)
         self._loss = np.zeros(len(self.knots))
@@ -114,17 +115,9 @@ class MonitorDimmer:
         lowest = min(lowest, self.ceiling)
         if self.film is not None:
             return max(self.film.factor * self.ceiling, lowest)
-        between = self.knots[(self.knots > lowest) & (self.knots < self.ceiling)]
-        at = np.concatenate([[lowest], between, [self.ceiling]])
-        loss = self.loss_at(at / self.ceiling)
-        above = np.flatnonzero(loss > self.target_loss)
-        if not len(above):
-            return lowest
-        k = int(above[-1])
-        if k == len(at) - 1:  # nothing may be lost, and rounding has lost something
-            return self.ceiling
-        share = (loss[k] - self.target_loss) / (loss[k] - loss[k + 1])
-        return float(at[k] + share * (at[k + 1] - at[k]))
+        factors = np.linspace(lowest, self.ceiling, FINE)
+        above = np.flatnonzero(self.loss_at(factors / self.ceiling) > self.target_loss)
+        return float(factors[min(above[-1] + 1, FINE - 1)]) if len(above) else lowest
 
     @property
     def reached(self) -> bool:
@@ -145,12 +138,17 @@ class MonitorDimmer:
 
     def notice_user(self) -> bool:
         """Take a brightness that somebody else has set for what counts as full; return whether it is so."""
-        found = self._set_by_others()
-        if found is None or self.absent:
+        try:
+            found = self.backlight.read_factor()
+            self.absent = "" if found >= self.backlight.smallest_factor() * (1 - ROUNDING) else "it is off"
+        except InstrumentError as error:
+            found, self.absent = self.set_to, str(error)
+        if self.absent or abs(found - self.set_to) <= min(HALF_A_STEP * self._room, AS_SET):
             return False
         share = 1.0 if self.resting else self.factor
         full = found / share if share > 0 else found
-        before, near = (self.set_to, self.ceiling, self._floor), max(self._room, SAME)
+        before = self.set_to, self.ceiling, self._floor
+        near = max(self._room, min(SAME[0], SAME[1] * found))
         self.ceiling = min(full, 1.0)
         self._floor = 0.0 if full <= 1 + self._room else found
         while self._lowered and self._lowered[-1][0] < found - near:
@@ -159,59 +157,32 @@ class MonitorDimmer:
             self._lowered.append(before)
         elif self._lowered and self._lowered[-1][0] <= found + near:
             _, self.ceiling, self._floor = self._lowered.pop()
-        self._changed = self.clock()
-        self.set_to, self._path = found, [(self._changed, found)]
+        self.set_to, self._changed = found, self.clock()
         return True
 
-    def _set_by_others(self) -> float | None:
-        """Return where somebody else has set the backlight; None if nobody has.
-
-        A device may be late to tell what it was set to: where it was within the last second is its own way,
-        but for what it has told to be past. Off, a panel reads 0.
-        """
-        while len(self._path) > 1 and self._path[1][0] <= self.clock() - LATE:
-            del self._path[0]
-        room, self.absent = HALF_A_STEP * self._room, ""
-        try:
-            found = self.backlight.read_factor()
-            if found < self.backlight.smallest_factor() * (1 - ROUNDING):
-                self.absent = "it is off"
-        except InstrumentError as error:
-            found, self.absent = 0.0, str(error)
-        if self.absent:
-            return found
-        for k in reversed(range(len(self._path))):
-            between = [factor for _, factor in self._path[k : k + 2]]
-            if min(between) - room <= found <= max(between) + room:
-                del self._path[:k]
-                return None
-        return found
-
     def step(self) -> bool:
-        """Set the backlight as near to where it is wanted as the limit allows; return whether it was set.
+        """Set the backlight as near to where it is wanted as the limit allows; return whether its user had.
 
-        Somebody else may have moved it since the last look: that is kept, and not set over. One step of the
-        device is as small as any, however long it takes; more at a time make up for no longer standstill.
+        What they have set since the last reading is kept, and not set over. One step of the device is as
+        small as any, however long it takes; more at a time make up for no longer standstill.
         """
         steps = round((self.goal - self.set_to) / self._room)
-        if not steps or self._set_by_others() is not None:
-            return False
         passed = (self.clock() - self._changed) * (1 - MARGIN)
         at_once = self._allowed(steps, min(passed, 2 * self._shortest))
         count = max(at_once, min(self._allowed(steps, passed), 1))
         self._before = self._light_and_limit()[0]
-        if not count:
-            return False
         wanted = self.set_to + math.copysign((count - ALMOST_HALF) * self._room, steps)
         wanted = min(max(wanted, self.backlight.smallest_factor()), 1.0)
+        if not steps or not count:
+            return False
+        if self.notice_user():
+            return True
         try:
-            self.set_to = self.backlight.set_factor(wanted)
+            self.set_to = self.set_to if self.absent else self.backlight.set_factor(wanted)
         except InstrumentError as error:  # it is off, or its user has set it at this moment
             self.absent = str(error)
-            return False
         self._changed = self.clock()
-        self._path.append((self._changed, self.set_to))
-        return True
+        return False
 
     def _allowed(self, steps: int, passed: float) -> int:
         """Return how many steps of the device the limit allows after some time [s]."""

@@ -2,35 +2,27 @@
 
 from __future__ import annotations
 
+import contextlib
+import statistics
 import time
+from collections.abc import Iterator
 
-from evenlight.hardware.protocols import InstrumentError, PowerMeter
+from evenlight.hardware.protocols import InstrumentError
 from evenlight.hardware.rig import open_power_meter
 
 RATE = 1.0  # [Hz]: no battery's gauge is quicker
-AGAIN = (
-    60.0  # [s] after which a meter that has failed is tried again: a battery that is charged tells nothing
-)
+AGAIN = 60.0  # [s] after which one that has failed is tried again: a battery that is charged tells nothing
 
 
-class PowerGauge:
-    """The mean of what a meter of some name measures; of none, without a name."""
-
-    def __init__(self, name: str) -> None:
-        self._name, self._open_at, self._powers = name, -AGAIN, [0.0, 0.0]
-        self._meter: PowerMeter | None = None
-
-    def mean(self) -> float | None:
-        """Return the mean so far [W]; None before the first sample."""
-        try:
-            if self._name and self._meter is None and time.monotonic() >= self._open_at:
-                self._open_at = time.monotonic() + AGAIN
-                self._meter = open_power_meter(self._name, time.monotonic)
-                self._meter.start(RATE)
-            for sample in self._meter.samples() if self._meter else ():
-                self._powers = [self._powers[0] + sample.power, self._powers[1] + 1]
-        except InstrumentError:
-            if self._meter:
-                self._meter.close()
-            self._meter = None
-        return self._powers[0] / self._powers[1] if self._powers[1] else None
+def mean_power(name: str) -> Iterator[float | None]:
+    """Yield the mean since it began of what a meter measures [W]; None before its first sample."""
+    powers, again = list[float](), -AGAIN
+    while True:
+        with contextlib.suppress(InstrumentError), open_power_meter(name, time.monotonic) as meter:
+            meter.start(RATE)
+            while True:
+                powers += [sample.power for sample in meter.samples()]
+                yield statistics.fmean(powers) if powers else None
+        again = time.monotonic() + AGAIN
+        while time.monotonic() < again:
+            yield statistics.fmean(powers) if powers else None

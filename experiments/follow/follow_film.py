@@ -29,8 +29,10 @@ from evenlight.experiments.follow.watchdog import watched_backlight
 from evenlight.hardware.installed_drivers import InstrumentKind, find_driver
 from evenlight.hardware.protocols import Backlight
 from evenlight.hardware.rig_files import load_rig
+from evenlight.method.choices import LimitCurve
 from evenlight.method.rate_limit import ScalarRateLimit, scalar_rate_limit
 from evenlight.stimuli.dimmed.matched_track import match_track
+from evenlight.stimuli.dimming_options import WithinLimit
 from evenlight.stimuli.video.video_file import open_video_file
 from evenlight.stimuli.video.video_locations import is_url
 
@@ -44,7 +46,7 @@ def follow_as_asked(options: FollowOptions) -> None:
     tell = _nothing if options.quiet else typer.echo
     backlight, curve, display = _hardware(options)
     arguments = _arguments(options)
-    film, rate_limit = film_wanted(options, display)
+    film, rate_limit = film_wanted(options.video, options.track, display, options, options.other_video_ok)
     with ExitStack() as stack:
         player = None
         if options.socket is not None:
@@ -111,21 +113,22 @@ def _arguments(options: FollowOptions) -> list[str]:
         raise InputError(f"--player-arguments: {error}; quote words as a shell takes them") from None
 
 
-def film_wanted(options: FollowOptions, display: str | None) -> tuple[FilmLight, ScalarRateLimit]:
+def film_wanted(
+    film: Path, track: Path, display: str | None, within: FollowOptions | WithinLimit, other_ok: bool = False
+) -> tuple[FilmLight, ScalarRateLimit]:
     """Return what the track wants, and how fast; refuse one of another video, display or rate limit."""
-    if is_url(str(options.video).replace(":/", "://")):  # as a path, it has one slash
+    if is_url(str(film).replace(":/", "://")):  # as a path, it has one slash
         raise InputError("follow plays a file of this computer with mpv: download the video from its URL")
-    if not options.video.is_file():
-        raise InputError(
-            f"{options.video}: no such video file; what mpv plays is a file, so render a sequence"
-        )
-    film = load_track(options.track).track.header.film or FilmReading()
-    video = open_video_file(options.video, film.damaged, film.stream)
-    matched = match_track(video, options.track, display, other_video_ok=options.other_video_ok)
+    if not film.is_file():
+        raise InputError(f"{film}: no such video file; what mpv plays is a file, so render a sequence")
+    reading = load_track(track).track.header.film or FilmReading()
+    video = open_video_file(film, reading.damaged, reading.stream)
+    matched = match_track(video, track, display, other_video_ok=other_ok)
     loaded, shown_on = matched.loaded, matched.display
-    require_light_of(loaded.track, shown_on, track_file(options.track))
-    limit = track_rate_limit(loaded.track, options.rate_limit, options.noticed)
-    fastest = scalar_rate_limit(limit, shown_on.reflected_luminance, options.limit_curve)
+    require_light_of(loaded.track, shown_on, track_file(track))
+    given = None if within.rate_limit is None else str(within.rate_limit)
+    limit = track_rate_limit(loaded.track, given, within.noticed)
+    fastest = scalar_rate_limit(limit, shown_on.reflected_luminance, LimitCurve(within.limit_curve))
     return film_light(loaded, shown_on, video.reading), fastest
 
 
@@ -133,11 +136,15 @@ def _begun(options: FollowOptions, device: Backlight, follower: LimitedBacklight
     """Return what is said before the film begins."""
     name = options.backlight or (f"the backlight of {options.rig}" if options.rig else "simulated")
     words = "a simulated backlight (nothing is set)" if options.dry_run else name
-    dimmest = float(follower.film.factors.min())
     said = f"{options.video.name} with {words}, found at factor {follower.found:.3f}"
-    if (share := device.step() / dimmest) > COARSE:
-        said += (
-            f"; note: it moves in jumps of {device.step():.3g}, {share:.1%} of the light at the film's "
-            f"lowest factor, {dimmest:.3g}"
-        )
-    return said
+    return said + jumps(device, float(follower.film.factors.min()))
+
+
+def jumps(device: Backlight, dimmest: float) -> str:
+    """Return a note on a backlight with coarse steps at the lowest factor wanted; empty for fine ones."""
+    if (share := device.step() / dimmest) <= COARSE:
+        return ""
+    return (
+        f"; note: it moves in jumps of {device.step():.3g}, {share:.1%} of the light at the lowest factor "
+        f"wanted, {dimmest:.3g}"
+    )

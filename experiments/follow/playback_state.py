@@ -21,7 +21,7 @@ LATE = 0.1  # [s] by which a message, or a picture, may be late; more is another
 CORRECTION = 0.1  # share of a lateness that each message corrects: most is the message's own
 OBSERVED = (
     "working-directory", "path", "idle-active", "rebase-start-time", "demuxer-start-time", "time-pos",
-    "speed", "core-idle", "seeking",
+    "speed", "core-idle", "seeking", "fullscreen", "display-names",
 )  # fmt: skip
 
 
@@ -36,14 +36,16 @@ class PlaybackState:
     )
     plays_film: bool | None = None  # None before it has said, and between two files
     playing: str = ""  # what it plays; empty for nothing
+    folder: str = ""  # that it plays it from
     ended: str = ""  # why the last file ended (`eof`, `quit`, `stop`, `error`), empty while one plays
     error: str = ""  # what was wrong with that file
     jumps: int = 0  # how often it went to another position, by a seek or another file
+    fullscreen: bool | None = None  # None before it has said
+    displays: tuple[str, ...] = ()  # names of the outputs that its window is on, where the system tells
 
     def __post_init__(self) -> None:
         # of the player: whether its 0 is a stamp, and which [s]
         self._rebases, self._zero = True, self.start
-        self._folder = ""
         self._announced: float | None = None  # the position that the player has named last
         self._anchor = 0.0, 0.0  # a moment, and the position on screen then [s]
         self._speed, self._idle, self._seeking = 1.0, True, False
@@ -102,11 +104,15 @@ class PlaybackState:
             if name == "path":
                 self.playing = str(value or "")
             else:
-                self._folder = str(value or "")
-            known = self.playing and self._folder
-            self.plays_film = self.is_film(self.playing, self._folder) if known else None
+                self.folder = str(value or "")
+            known = self.playing and self.folder
+            self.plays_film = self.is_film(self.playing, self.folder) if known else None
         elif name == "idle-active" and value is True:
             self.plays_film = False
+        elif name == "fullscreen":
+            self.fullscreen = value is True
+        elif name == "display-names":
+            self.displays = tuple(value or ())
 
     def _hear(self, announced: float | None, now: float) -> None:
         """Take the position that the player names: that of the frame which appears next."""

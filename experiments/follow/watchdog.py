@@ -18,7 +18,7 @@ from typing import Any
 
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.recordings.rig import Rig
-from evenlight.hardware.protocols import Backlight, InstrumentError
+from evenlight.hardware.protocols import Backlight, Fault, InstrumentError
 from evenlight.hardware.rig import is_simulated, open_backlight
 
 DONE = b"done"
@@ -82,6 +82,15 @@ def kept_backlight(backlight: str, curve: str) -> tuple[Backlight, BrightnessWat
     """
     device = _opened(backlight, curve)
     return device, BrightnessWatchdog(backlight, curve, device.read_factor())
+
+
+def require_backlight(backlight: str, curve: str) -> None:
+    """Refuse one that cannot be opened, but for one that a program uses already: of a service, maybe this."""
+    try:
+        _opened(backlight, curve).close()
+    except InstrumentError as error:
+        if error.fault is not Fault.BUSY:
+            raise
 
 
 def _opened(backlight: str, curve: str) -> Backlight:

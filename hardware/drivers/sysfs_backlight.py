@@ -78,9 +78,9 @@ class SysfsBacklight(SteppedBacklight):
             raise InstrumentError(f"{self._folder}: was set to step {step}, and took {taken}")
 
     def _read_step(self) -> int:
-        """Return the step that the device reports: the panel's own where Linux shows it."""
-        actual = (self._folder / "actual_brightness").is_file()
-        return self._read("actual_brightness" if actual else "brightness")
+        # Not actual_brightness: drivers have another scale there, what they make of this, or 0 while the
+        # screen is blank (systemd reads it no more: its pull request 36881).
+        return self._read("brightness")
 
     def _release(self) -> None:
         self._lock.release()

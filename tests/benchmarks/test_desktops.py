@@ -1,6 +1,6 @@
 """`evenlight live` on made desktops: windows, films and keys at random, and recordings dimmed again."""
 
-import json
+import itertools
 import shutil
 import subprocess
 import sys
@@ -27,12 +27,21 @@ STEPS = 96_000  # as current drivers have
 EMULATED = """
 import time
 from pathlib import Path
+from evenlight.experiments.desktop.live_loop import LiveLoop
 from evenlight.hardware.drivers.sysfs_backlight import SysfsBacklight
-log, write = Path("{folder}", "log").open("a", buffering=1), SysfsBacklight._write
-def logging(panel, step):
+log, read_at = Path("{folder}", "log").open("a", buffering=1), [0.0]
+look, read, write = LiveLoop._look, SysfsBacklight._read_step, SysfsBacklight._write
+def looking(loop, now):
+    print(time.monotonic(), 0, 0, 0, file=log)
+    look(loop, now)
+def reading(panel):
+    read_at[0] = time.monotonic()
+    print(read_at[0], 1, step := read(panel), 0, file=log)
+    return step
+def writing(panel, step):
     write(panel, step)
-    print(time.monotonic(), step, file=log)
-SysfsBacklight._write = logging
+    print(now := time.monotonic(), 2, step, now - read_at[0], file=log)
+LiveLoop._look, SysfsBacklight._read_step, SysfsBacklight._write = looking, reading, writing
 SysfsBacklight.__init__.__defaults__ = (Path("{folder}"), 0.01)
 """
 
@@ -41,7 +50,7 @@ class Desk:
     """An emulated panel, the program that dims it, and its user."""
 
     def __init__(self, screen: VirtualScreen) -> None:
-        self.keys, self.light, self.told, folder = [], [], [], screen.folder
+        self.keys, self.light, self.full, folder = [], [], 0.9, screen.folder
         names = ("panel", "log", "said", "evenlight-live.json")
         self.panel, self.log, self.said, self.state = (folder / name for name in names)
         self.panel.mkdir()
@@ -60,44 +69,52 @@ class Desk:
 
     def press(self, ratio: float) -> None:
         """Set the brightness as keys do: by a ratio of what it is; nobody sees half of a step."""
-        step = int(np.clip(round(self.step() * ratio), STEPS // 20, STEPS))
+        step = int(np.clip(round((before := self.step()) * ratio), STEPS // 20, STEPS))
+        self.full = min(self.full * step / before, 1.0)
         with (self.panel / "brightness").open("r+") as file:
+            begun = time.monotonic()
             file.write(f"{step:<6}\n")
-        self.keys.append([time.monotonic(), step])
+        self.keys.append([time.monotonic(), step, begun])
 
     def watch(self, grabber: Any, seconds: float) -> None:
-        """Measure the light of the screen ten times a second, and how late it is told that a key is kept."""
+        """Measure the light of the screen ten times a second."""
         end = time.monotonic() + seconds
         while (now := time.monotonic()) < end:
-            shot = grabber.grab(grabber.monitors[1])
+            shot = grabber.grab(grabber.names()[0])
             pixels = np.frombuffer(shot.raw, np.uint8).reshape(shot.height, shot.width, 4)[::7, ::7, 2::-1]
             self.light.append([now, float(EMITTED.luminance(np.ascontiguousarray(pixels)).mean())])
-            if self.said.read_text().count(": kept") > len(self.told):
-                self.told.append(time.monotonic() - self.keys[-1][0])
             time.sleep(0.1)
 
     def end(self) -> float:
-        """End the program; return how far from what its user had set the panel is then."""
-        state = json.loads(self.state.read_text())
-        ceiling = STEPS * float(state["monitors"][0]["ceiling"])
+        """End the program; return how far the panel is then from full, by the keys alone, as a share."""
         self.program.terminate()
         self.program.wait()
-        end = time.monotonic() + 60
-        while abs(self.step() - ceiling) > 1 and time.monotonic() < end:
-            time.sleep(0.02)
-        return abs(self.step() - ceiling)
+        return abs(self.step() / STEPS / self.full - 1)
 
-    def rates(self) -> tuple[Array, int]:
-        """Return its settings' rates over the limit, by what was on the screen, and how many keys it lost."""
-        own, keys = np.loadtxt(self.log, ndmin=2), np.reshape(self.keys, (-1, 2))
+    def kept(self) -> tuple[int, int, float]:
+        """Return how many keys were lost, the most looks from one to its being read, and to that the time."""
+        log, keys = np.loadtxt(self.log, ndmin=2), [*self.keys, [np.inf] * 3]
+        looks, reads = log[log[:, 1] == 0, 0], log[log[:, 1] == 1]
+        lost, late = 0, [(0, 0.0)]
+        for (ended, step, begun), (_, _, following) in itertools.pairwise(keys):
+            own = reads[(reads[:, 0] >= begun) & (reads[:, 0] < following)]
+            found = own[own[:, 2] == step, 0]
+            passed = (looks > ended) & (looks <= (found[0] if len(found) else following))
+            late.append((int(passed.sum()), found[0] - ended if len(found) else 0.0))
+            lost += not len(found) and passed.sum() > 1
+        return lost, *map(max, zip(*late, strict=True))
+
+    def rates(self) -> Array:
+        """Return its settings' rates over the limit, by what was on the screen."""
+        log, keys = np.loadtxt(self.log, ndmin=2), np.reshape(self.keys, (-1, 3))[:, :2]
+        own = log[log[:, 1] == 2][:, [0, 2]]
         both = np.concatenate([own, keys])
         order = np.argsort(both[:, 0])
         times, factors = both[order, 0], both[order, 1] / STEPS
         by_user = order >= len(own)
-        over = by_user[:-1] & ~by_user[1:] & (np.abs(factors[1:] / factors[:-1] - 1) > 0.01)
         shown = np.interp(times[1:], *np.transpose(self.light))
         rates = over_limit(factors[:-1], factors[1:], shown, np.diff(times))
-        return np.abs(rates[~by_user[1:] & ~over]), int(over.sum())
+        return np.abs(rates[~by_user[1:]])
 
 
 @pytest.mark.parametrize(
@@ -136,16 +153,20 @@ def test_no_change_is_faster_than_the_limit_and_keys_are_kept(
                         case _:
                             seek(float(rng.uniform()))
                 desk.watch(grabber, 3.0)  # its state is told every two seconds
-            rates, over = desk.rates()
+            rates, (lost, looks, late) = desk.rates(), desk.kept()
             left = desk.end()
         finally:
             desk.program.kill()
             desk.program.wait()
+    log = np.loadtxt(desk.log)
+    window = 1e6 * np.percentile(log[(log[:, 1] == 2) & (log[:, 3] < 1), 3], [50, 99, 100])
+    told = desk.said.read_text().count(": kept")
     print(f"\n{len(rates)} settings, largest rate over the limit {rates.max():.3f}; {len(desk.keys)} keys, "
-          f"{over} set over, told within {max(desk.told):.2f} s; {left:g} steps off at the end")  # fmt: skip
+          f"{told} told, {lost} lost, kept after {looks} looks, {late:.2f} s; from reading "
+          f"to setting {window.round()} us (median, 99 %, most); {left:.2%} off at the end")  # fmt: skip
     assert rates.max() <= 1.0
-    assert over <= 0.02 * len(desk.keys) + 1  # pressed between its look at the panel and its setting
-    assert left <= 1
+    assert (lost, looks) <= (0, 1)
+    assert left <= (0.01 if actions < 100 else 0.6)  # a key back to where one lowered it may be a desktop's
 
 
 def test_a_recording_is_dimmed_to_what_it_may_lose() -> None:

@@ -345,7 +345,7 @@ def linux_file(n: int, rng: np.random.Generator, kind: str) -> Tally:
         panel.mkdir()
         for name, text in (("name", "ina226"), ("max_brightness", "4095"), ("brightness", "4095")):
             (panel / name).write_text(f"{text}\n")
-        file = panel / ("power1_input" if kind == "hwmon" else "actual_brightness")
+        file = panel / ("power1_input" if kind == "hwmon" else "brightness")
         file.write_text("600000\n" if kind == "hwmon" else "4000\n")
         if kind == "hwmon":
             meter = stack.enter_context(HwmonPowerMeter(str(panel)))

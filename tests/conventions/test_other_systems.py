@@ -43,6 +43,7 @@ GUARDED = {
     "experiments/desktop/live_desktop.py": {"SIGUSR1": 1},  # sys.platform: refused on Windows
     "experiments/desktop/live_state.py": {"SIGUSR1": 1},  # the same
     "experiments/desktop/film_tracks.py": {"AF_UNIX": 1},  # the same
+    "experiments/desktop/resting.py": {"getuid": 1},  # the same
     "experiments/follow/mpv_player.py": {"AF_UNIX": 1},  # hasattr, in follow_film.py
     "method/choices.py": {"sched_getaffinity": 1},  # hasattr
     "evenlight/command.py": {"SIGHUP": 1},  # hasattr

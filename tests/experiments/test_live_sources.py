@@ -1,5 +1,6 @@
 """What `evenlight live` asks besides: mpv for its film, grim for Wayland's picture, a meter for the power."""
 
+import contextlib
 import json
 import socketserver
 import threading
@@ -17,7 +18,6 @@ from evenlight.experiments.desktop import film_tracks, power_gauge, screens
 from evenlight.experiments.desktop.film_tracks import FilmTracks
 from evenlight.experiments.desktop.live_command import LiveOptions
 from evenlight.experiments.desktop.monitor_dimmer import FilmFrame
-from evenlight.experiments.desktop.power_gauge import PowerGauge
 from evenlight.experiments.desktop.screens import MssScreens, WatchedScreen, opened_screens
 from evenlight.experiments.follow.limited_backlight import FilmLight
 from evenlight.hardware.protocols import InstrumentError
@@ -25,23 +25,35 @@ from evenlight.method.contrast.loss_curves import brightness_factors
 from evenlight.method.preset_files import load_display
 
 
-def playing(socket: Path, says: dict[str, Any]) -> socketserver.ThreadingUnixStreamServer:
-    """An mpv that answers what it is asked, and tells at once what it is to watch."""
+def seen(name: str, grabber: Any) -> WatchedScreen:
+    return WatchedScreen(grabber, name, load_display("laptop-lcd"), DEFAULT_MODEL, brightness_factors(0.1))
 
-    class Answers(socketserver.StreamRequestHandler):
-        def handle(self) -> None:
-            for line in self.rfile:
-                asked = json.loads(line)
-                verb, name = asked["command"][0], asked["command"][-1]
-                answer = {"request_id": asked.get("request_id", 0), "data": says.get(name)}
-                if verb == "observe_property":
-                    answer = {"event": "property-change", "name": name, "data": says.get(name)}
-                self.wfile.write(json.dumps(answer).encode() + b"\n")
 
-    server = socketserver.ThreadingUnixStreamServer(str(socket), Answers)
-    server.daemon_threads = True
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    return server
+class Mpv(socketserver.ThreadingUnixStreamServer):
+    """An mpv that tells at once what it is to watch, and what becomes of it."""
+
+    daemon_threads = True
+
+    def __init__(self, socket: Path, says: dict[str, Any]) -> None:
+        super().__init__(str(socket), Answers)
+        self.says = says
+        threading.Thread(target=self.serve_forever, daemon=True).start()
+
+    def tell(self, changed: dict[str, Any]) -> None:
+        self.says |= changed
+        for name in changed:
+            self.last(name)
+
+
+class Answers(socketserver.StreamRequestHandler):
+    def handle(self) -> None:
+        self.server.last = self.tell
+        for line in self.rfile:
+            self.tell(json.loads(line)["command"][-1])
+
+    def tell(self, name: str) -> None:
+        told = {"event": "property-change", "name": name, "data": self.server.says.get(name)}
+        self.wfile.write(json.dumps(told).encode() + b"\n")
 
 
 def test_a_film_full_screen_is_dimmed_by_its_track_until_it_is_a_window(tmp_path: Path, monkeypatch) -> None:
@@ -52,65 +64,75 @@ def test_a_film_full_screen_is_dimmed_by_its_track_until_it_is_a_window(tmp_path
     light = FilmLight(
         np.arange(3.0), np.ones(3), np.array([0.5, 0.6, 0.7]), np.array([10.0, 20.0, 30.0]), 99.0
     )
-    monkeypatch.setattr(film_tracks, "film_wanted", lambda options, display: (light, options.track))
+    monkeypatch.setattr(film_tracks, "film_wanted", lambda *_: (light, None))
     says = {"path": "film.mp4", "working-directory": str(tmp_path), "fullscreen": True}
     says |= {"display-names": ["DP-1"], "core-idle": True, "time-pos": 1.0}
-    films = FilmTracks(tmp_path / "mpv", LiveOptions(), told.append)
-    assert films.frame("DP-1", 0.0) is None  # no mpv yet
-    with playing(tmp_path / "mpv", says) as server:
+    films = FilmTracks(LiveOptions(mpv_socket=tmp_path / "mpv"), told.append)
+    assert films.frame("DP-1", False, 0.0) is None  # no mpv yet
+    with Mpv(tmp_path / "mpv", says) as server:
         now, end = 1.0, time.monotonic() + 60
-        while (wanted := films.frame("DP-1", now)) is None and time.monotonic() < end:
+        while (wanted := films.frame("DP-1", False, now)) is None and time.monotonic() < end:
             now += 1.0
         assert wanted == FilmFrame(0.6, 20.0)
-        assert films.frame("DP-2", now) is None  # another monitor
-        says["fullscreen"] = False
-        assert films.frame("DP-1", now + 1) is None
-        says |= {"fullscreen": True, "path": "other.mp4"}
-        assert films.frame("DP-1", now + 2) is None  # no track of that
+        assert films.frame("DP-2", False, now) is None  # another monitor
+        assert films.frame("2", True, now) == wanted  # the only one
+        for change in ({"fullscreen": False}, {"fullscreen": True, "path": "other.mp4"}):  # no track of that
+            server.tell(change)
+            while films.frame("DP-1", False, now) and time.monotonic() < end:
+                pass
+            assert films.frame("DP-1", False, now) is None
         refused = InputError("the track was made of another video")
-        monkeypatch.setattr(films, "_light_of", lambda *_: (_ for _ in ()).throw(refused))
-        says["path"] = str(film)
-        while len(told) < 3 and time.monotonic() < end:
-            now += 1.0
-            films.frame("DP-1", now + 2)
-        films.frame("DP-1", now + 9)  # told once
+        monkeypatch.setattr(film_tracks, "film_wanted", lambda *_: (_ for _ in ()).throw(refused))
+        server.tell({"path": str(film)})
+        while len(told) < 2 and time.monotonic() < end:
+            films.frame("DP-1", False, now)
+        films.frame("DP-1", False, now + 9)  # told once
+        films._leave()
         server.shutdown()
     assert told == [
         "film.mp4: dimmed by its track",
-        "the film is over, or a window again: dimmed by what is on the monitor",
         "dimmed by its picture, not by a track: the track was made of another video",
     ]
 
 
-@pytest.mark.parametrize("line", [b'{"error": "success"}', b"[1]", b'{"request_id": 99}', b"\xff"])
+LINES = [b'{"error": "success"}', b"[1]", b'{"request_id": 99}', b"\xff"]
+LINES += [b'{"event": "property-change", "name": "time-pos", "data": "x"}', b'{"event": "end-file"}']
+
+
+@pytest.mark.parametrize("line", LINES)
 def test_what_is_no_answer_of_mpv_is_none(tmp_path: Path, line: bytes) -> None:
+    answered = threading.Event()
+
     class Stranger(socketserver.StreamRequestHandler):
         def handle(self) -> None:
             self.wfile.write(line + b"\n")
-            self.rfile.read()
+            answered.set()
 
     with socketserver.UnixStreamServer(str(tmp_path / "mpv"), Stranger) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
-        assert film_tracks.playing_in(tmp_path / "mpv") == {}
+        films = FilmTracks(LiveOptions(mpv_socket=tmp_path / "mpv"), print)
+        assert films.frame("DP-1", True, 0.0) is None
+        assert answered.wait(60)
+        assert films.frame("DP-1", True, 0.1) is None
+        films._leave()
 
 
-def test_a_track_lies_in_a_folder_of_tracks_or_beside_the_film(tmp_path: Path) -> None:
+def test_a_track_lies_beside_the_film_or_in_the_folder_of_its_name(tmp_path: Path) -> None:
     film = tmp_path / "films" / "one.mkv"
-    for name in ("films/track.csv", "films/one/track.csv", "tracks/one/track.csv"):
+    for name in ("films/track.csv", "films/one/track.csv"):
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).touch()
-        assert film_tracks.track_beside(film, tmp_path / "tracks") == tmp_path / name
-    assert film_tracks.track_beside(tmp_path / "two.mkv", None) is None
+        assert film_tracks.track_beside(film) == tmp_path / name
+    assert film_tracks.track_beside(tmp_path / "two.mkv") is None
 
 
 def test_under_wayland_the_picture_is_that_of_grim(tmp_path: Path, monkeypatch) -> None:
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-1")
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(screens, "CONNECTORS", tmp_path)
-    monkeypatch.setattr(screens.time, "monotonic", lambda: 0.0)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     with pytest.raises(InputError, match="install grim"), opened_screens():
         pass
-    pytest.importorskip("mss")
     picture = b"P6\n64 48\n255\n" + bytes(range(256)) * 36
     (tmp_path / "picture").write_bytes(picture)
     grim = tmp_path / "grim"
@@ -124,13 +146,17 @@ def test_under_wayland_the_picture_is_that_of_grim(tmp_path: Path, monkeypatch) 
         (tmp_path / name).mkdir()
         (tmp_path / name / "enabled").write_text(words)
     with opened_screens() as grabber:
-        screen = WatchedScreen(grabber, 1, load_display("laptop-lcd"), DEFAULT_MODEL, brightness_factors(0.1))
-        first = screen.look(0.0)
-        assert screen.name == "eDP-1"
+        assert grabber.names() == ["DP-1", "eDP-1"]
+        screen = seen("eDP-1", grabber)
+        assert screen.look(0.0)
         assert screen.size == (64, 48)
-        assert screen.look(0.25) is first
-        assert WatchedScreen(grabber, 3, *[None] * 3).look(0.0) is None  # type: ignore[arg-type]
-    assert (tmp_path / "asked").read_text() == "-o eDP-1 -t ppm -\n"  # not twice within a second
+        assert (tmp_path / "asked").read_text() == "-o eDP-1 -t ppm -\n"
+        (tmp_path / "wayland-1").touch()
+        (tmp_path / "picture").unlink()  # as of an output that is off
+        assert screen.look(60.0) is None
+        (tmp_path / "wayland-1").unlink()
+        with pytest.raises(InstrumentError, match="the screen cannot be looked at"):
+            screen.look(180.0)
 
 
 def test_mss_is_made_anew_where_monitors_change(monkeypatch) -> None:
@@ -139,18 +165,18 @@ def test_mss_is_made_anew_where_monitors_change(monkeypatch) -> None:
     monkeypatch.setattr(screens.time, "monotonic", lambda: now[0])
 
     def make() -> Any:
-        one = SimpleNamespace(monitors=[{}] * (len(made) + 2), grab=lambda area: area["there"])
+        areas = [{"output": f"DP-{k}", "there": made[:]} for k in range(len(made) + 1)]
+        one = SimpleNamespace(monitors=[{}, *areas], grab=lambda area: area["there"][1])
         one.close = lambda: closed.append(one)
         made.append(one)
         return one
 
     grabber = MssScreens(make)
-    assert len(grabber.monitors) == 2
+    assert grabber.names() == ["DP-0"]
+    assert grabber.grab("DP-1") is None
     now[0] = 2.5
-    assert len(grabber.monitors) == 3
-    with pytest.raises(KeyError):
-        grabber.grab({})
-    assert grabber.grab({"there": 1}) == 1
+    assert grabber.names() == ["DP-0", "DP-1"]
+    assert grabber.grab("DP-1") is made[1]  # at the second try
     grabber.close()
     assert closed == made
     assert len(made) == 3
@@ -165,32 +191,10 @@ def test_a_battery_that_is_charged_is_asked_again_a_minute_later(monkeypatch) ->
             raise answer
         return [SimpleNamespace(power=power) for power in answer]
 
-    meter = SimpleNamespace(start=lambda rate: rate, samples=samples, close=lambda: None)
-    monkeypatch.setattr(power_gauge, "open_power_meter", lambda name, clock: meter)
+    meter = SimpleNamespace(start=lambda rate: rate, samples=samples)
+    monkeypatch.setattr(power_gauge, "open_power_meter", lambda name, clock: contextlib.nullcontext(meter))
     monkeypatch.setattr(power_gauge.time, "monotonic", lambda: now[0])
-    gauge = PowerGauge("battery:")
-    assert gauge.mean() == 3.0
-    assert gauge.mean() == 3.0
-    now[0] = 59.0
-    assert gauge.mean() == 3.0
+    means = power_gauge.mean_power("battery:")
+    assert [next(means), next(means)] == [3.0] * 2
     now[0] = 61.0
-    assert gauge.mean() == 4.0
-    assert PowerGauge("").mean() is None
-
-
-def test_a_monitor_is_known_by_its_output_where_another_comes_before_it() -> None:
-    pixels = np.zeros((48, 64, 4), np.uint8)
-    grabber = SimpleNamespace(monitors=[{}, {"output": "eDP-1"}], asked=[])
-
-    def grab(area: dict[str, str]) -> Any:
-        grabber.asked.append(area["output"])
-        return SimpleNamespace(raw=pixels.tobytes(), width=64, height=48)
-
-    grabber.grab = grab
-    screen = WatchedScreen(grabber, 1, load_display("laptop-lcd"), DEFAULT_MODEL, brightness_factors(0.1))
-    assert screen.look(0.0) is not None
-    grabber.monitors = [{}, {"output": "DP-1"}, {"output": "eDP-1"}]
-    assert screen.look(1.0) is not None
-    grabber.monitors = [{}, {"output": "DP-1"}]
-    assert screen.look(2.0) is None
-    assert grabber.asked == ["eDP-1", "eDP-1"]
+    assert next(means) == 4.0

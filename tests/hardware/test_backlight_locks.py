@@ -99,7 +99,7 @@ def test_a_monitor_is_locked_by_the_file_of_its_bus(tmp_path) -> None:
 @pytest.mark.parametrize("reported", ["101", "-1"])
 def test_a_brightness_beyond_its_highest_is_no_factor(panel, reported) -> None:
     with SysfsBacklight("panel", panel.parent) as backlight:
-        (panel / "actual_brightness").write_text(f"{reported}\n")
+        (panel / "brightness").write_text(f"{reported}\n")
         with pytest.raises(
             InstrumentError, match=rf"panel: reports step {reported}; it has 0 to 100"
         ) as told:
@@ -113,6 +113,6 @@ def test_a_brightness_beyond_its_highest_is_no_factor(panel, reported) -> None:
 @pytest.mark.parametrize("text", ["1_0", "٣", "1e2", "", "10 20", "nan"])  # an Arabic 3
 def test_a_file_that_holds_no_whole_number_is_no_brightness(panel, text) -> None:
     with SysfsBacklight("panel", panel.parent) as backlight:
-        (panel / "actual_brightness").write_text(f"{text}\n", encoding="utf-8")
+        (panel / "brightness").write_text(f"{text}\n", encoding="utf-8")
         with pytest.raises(InstrumentError, match="expected a whole number"):
             backlight.read_factor()
