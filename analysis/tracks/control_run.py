@@ -23,7 +23,7 @@ from evenlight.data_schema.tracks.control import LOOKAHEAD, ONLINE
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import ControlSummary, OptimizationSummary
 from evenlight.method.choices import ModulatedLuminance
-from evenlight.method.contrast.curve_lookup import loss_at
+from evenlight.method.contrast.curve_lookup import loss_and_slope, loss_at
 from evenlight.method.online import governor
 from evenlight.method.online.control_curves import ControlledTrack, control_ahead, control_curves
 from evenlight.method.online.controller import Controller, ControllerSettings
@@ -101,7 +101,7 @@ class _ControlledVideo:
         slope = float(power_per_factor(model, curves.channel_means[:1])[0])
         fair = governor.first_factor(budget, model, slope, (settings.lowest_factor, settings.highest_factor))
         self.start = fair if self.start is None else self.start
-        target = float(loss_at(curves, np.full(curves.n_frames, fair))[0])
+        target = float(loss_and_slope(curves, np.full(curves.n_frames, fair))[0][0])
         self.settings = replace(settings, target_loss=target)
 
     def _watts(self, factors: Array) -> Array:
