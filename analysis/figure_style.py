@@ -51,6 +51,7 @@ _DRAWING = RLock()  # matplotlib's settings are those of the process
 # A `matplotlibrc` of the current folder may say others, and run LaTeX. DejaVu Sans comes with Matplotlib.
 _DEFAULTS: dict[Any, Any] = {key: value for key, value in rcParamsDefault.items() if key != "backend"}
 _DEFAULTS |= {"savefig.dpi": "figure", "pdf.fonttype": 42}
+_DEFAULTS |= {"agg.path.chunksize": 5000}  # points of a line at a time: 90 000 at once take 60 MB and more
 _DEFAULTS |= {"svg.fonttype": "none", "svg.hashsalt": "evenlight", "font.sans-serif": ["DejaVu Sans"]}
 # What a file would otherwise say of the time and the software.
 UNSAID = {"png": "Software", "svg": "Date Creator", "pdf": "CreationDate Creator Producer"}
@@ -149,7 +150,7 @@ def _colours_of(style: Mapping[str, Any]) -> Iterator[None]:
         for ours, own in theirs.items():
             named[ours] = to_rgba(own)
         yield
-        drawn = (one for figure in _BEGUN for one in figure.findobj() if theirs)
+        drawn = (one for figure in _BEGUN if theirs for one in figure.findobj())
         for one, part in itertools.product(drawn, LOOKED_UP):  # else Matplotlib looks it up when it draws
             if isinstance(one, Line2D | Text | Collection) and hasattr(one, f"get_{part}"):
                 colour = getattr(one, f"get_{part}")()

@@ -384,9 +384,16 @@ def _extremes(value: Any) -> Sequence[float]:
 
 
 def read_only(values: ArrayLike, dtype: type[Any] = float) -> NDArray[Any]:
-    """Return a copy of an array that cannot be written to, for use in a frozen record."""
+    """Return a copy of an array that cannot be written to, for use in a frozen record; of one, itself."""
     import numpy as np
 
+    if (  # as of a record that is replaced by one with other fields
+        isinstance(values, np.ndarray)
+        and values.dtype == dtype
+        and values.base is None
+        and not values.flags.writeable
+    ):
+        return values
     array = np.array(values, dtype=dtype)
     array.flags.writeable = False
     return array

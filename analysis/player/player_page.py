@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -36,6 +37,7 @@ PLAYER = "player.html"
 COMMON_GAMMA = 2.2  # of ordinary monitors, nearly that of sRGB (IEC 61966-2-1)
 WIDEST_MAPPED = 480  # [pixels] of the averages of a frame that its contrast is computed of
 TILE_WIDTH = 160  # [pixels]
+PICTURE, PART = "&picture;", 3 << 20  # where its base64 comes, as no name is written; bytes of it at a time
 COLUMNS = 4
 MOST_PIXELS, FEWEST = 17e6, 4  # of all frames that are shown, which takes half a second; so many at least
 
@@ -128,11 +130,24 @@ def _tile(ours: ContrastMap, constant: ContrastMap, size: tuple[int, int]) -> ND
 def write_player_page(path: Path, content: PlayerContent) -> None:
     """Write a page that needs no other file and no network, opened by a double click."""
     price = path.with_name("price.png")  # of one video; clips that share a budget have one for all
-    write_whole(path, player_html(content, price.read_bytes() if price.is_file() else b""))
+    write_whole(path, _parts(content, price.read_bytes() if price.is_file() else b""))
 
 
 def player_html(content: PlayerContent, price: bytes = b"") -> str:
     """Return the page's HTML, which holds everything that it needs; the price of invisibility as PNG, too."""
+    return b"".join(_parts(content, price)).decode()
+
+
+def _parts(content: PlayerContent, price: bytes) -> Iterator[bytes]:
+    """Yield the page's HTML; the picture, which is most of it, is never there as a whole."""
+    before, _, after = _around_picture(content, price).partition(PICTURE)
+    yield before.encode(errors="backslashreplace")
+    for first in range(0, len(content.picture.data), PART):
+        yield base64.b64encode(content.picture.data[first : first + PART])
+    yield after.encode(errors="backslashreplace")
+
+
+def _around_picture(content: PlayerContent, price: bytes) -> str:
     from jinja2 import Environment, PackageLoader, StrictUndefined  # not needed where no page is written
 
     room = Environment(
@@ -180,16 +195,16 @@ def _script_data(content: PlayerContent) -> Markup:
         "constantPower": None if content.constant_power is None else _floats(content.constant_power),
         "gamma": display.gamma,
         "lightRange": display.peak_luminance - display.black_level,
-        "picture": _pictures(picture, "video/mp4" if isinstance(picture, Proxy) else "image/jpeg"),
-        "contrast": _pictures(content.contrast, "image/png"),
+        "picture": _pictures(picture, "video/mp4" if isinstance(picture, Proxy) else "image/jpeg", PICTURE),
+        "contrast": _pictures(content.contrast, "image/png", _base64(content.contrast.data)),
     }
     return Markup(json.dumps(record, allow_nan=False).replace("<", "\\u003c"))
 
 
-def _pictures(picture: Proxy | Tiles, kind: str) -> dict[str, Any]:
-    """Return a video or a sheet of pictures, of a MIME type, for the script."""
+def _pictures(picture: Proxy | Tiles, kind: str, data: str) -> dict[str, Any]:
+    """Return a video or a sheet of pictures, of a MIME type, for the script; its data as base64."""
     found = {
-        "url": f"data:{kind};base64,{_base64(picture.data)}",
+        "url": f"data:{kind};base64,{data}",
         "width": picture.width,
         "height": picture.height,
         "frames": _base64(picture.frames.astype("<f8")),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ctypes
 import time
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -61,11 +63,18 @@ def optimize_video(job: OptimizationJob, watchers: Sequence[FrameWatcher] = ()) 
     began = time.perf_counter()
     seen_by: Sequence[FrameWatcher | None] = watchers or [None] * len(jobs)
     curves = [loss_curves_of(*each) for each in zip(jobs, samples, seen_by, strict=True)]
+    give_back_memory()
     by_measure = [
         loss_curves_of(replace(job, model=measure_named(name), model_name=name, robust=()), FrameSamples())
         for name in job.robust[1:]
     ]
     return _optimize_curves(job, curves, samples, time.perf_counter() - began, by_measure)
+
+
+def give_back_memory() -> None:
+    """Have glibc give back what is free: else it keeps all that the heap of each thread has ever held."""
+    with suppress(OSError, TypeError, AttributeError):  # of Windows, and of other C libraries
+        ctypes.CDLL(None).malloc_trim(0)
 
 
 @one_blas_thread
@@ -96,6 +105,7 @@ def _optimize_curves(
             solved = time.perf_counter()
             progress.step(f"lower bound of {whole.video}")
             bound = lower_bound(problem, solution)
+            give_back_memory()
             answer = SolverAnswer(bound, solution.iterations, job.model_name, len(curves))
     shape = float(pixel_aspect(job.source))
     effort = RunRecord(solved - began, curves_s, time.perf_counter() - solved, job.calm, shape)

@@ -15,7 +15,7 @@ from evenlight.analysis.results import write_drawing
 from evenlight.analysis.tracks.contrast_map_figure import contrast_map_figure, contrast_maps
 from evenlight.analysis.tracks.control_run import ControlJob, control_video
 from evenlight.analysis.tracks.frame_samples import FrameSamples
-from evenlight.analysis.tracks.optimization import optimize_video
+from evenlight.analysis.tracks.optimization import give_back_memory, optimize_video
 from evenlight.analysis.tracks.optimization_job import (
     AnalysedVideo,
     OptimizationJob,
@@ -89,9 +89,12 @@ def _recorders(job: OptimizationJob) -> list[PictureRecorder]:
 def _write_track(
     curves: LossCurves, data: DrawnTrack, job: OptimizationJob, folder: Path, recorder: PictureRecorder | None
 ) -> None:
+    give_back_memory()
     write_track_files(folder, data.track, data.summary, curves)
+    give_back_memory()
     with shown_progress(job.quiet, f"drawing {curves.video}"):
         _draw(data, curves.display, job.model, folder)
+    give_back_memory()
     if recorder is not None:
         write_player_page(folder / PLAYER, player_content(job, data, curves, recorder))
 

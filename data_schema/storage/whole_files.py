@@ -9,7 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -24,8 +24,8 @@ EARLIER = ".earlier.{}"  # what is replaced, in the moment between two renames
 ON_THE_WAY = tuple(name.format("") for name in (LOCKED, PARTIAL, EARLIER))  # as such names begin
 
 
-def write_whole(path: Path, content: bytes | str) -> None:
-    """Write a file so that it is there completely or not at all, whatever happens on the way.
+def write_whole(path: Path, content: bytes | str | Iterable[bytes]) -> None:
+    """Write a file, given whole or in parts, so that it is there completely or not at all, whatever happens.
 
     Characters that are none (from file names in another encoding) are written as escapes.
 
@@ -36,11 +36,14 @@ def write_whole(path: Path, content: bytes | str) -> None:
     """
     if isinstance(content, str):
         content = content.encode(errors="backslashreplace")
+    parts = [content] if isinstance(content, bytes) else content
     with _told_of(path), written_whole(path) as partial:
         handle = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         try:
-            while content:  # a disk may take a part: the next attempt says why it takes no more
-                content = content[os.write(handle, content) :]
+            for part in parts:
+                left = memoryview(part)
+                while left:  # a disk may take some of it: the next attempt says why it takes no more
+                    left = left[os.write(handle, left) :]
             os.fsync(handle)
         finally:
             os.close(handle)

@@ -37,6 +37,15 @@ def test_a_file_is_written_with_the_folders_it_needs(tmp_path: Path) -> None:
     assert everything(tmp_path) == {"a": None, "a/b.txt": "L_a [cd/m²]".encode()}
 
 
+def test_a_file_may_come_in_parts_of_which_a_disk_takes_some(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda handle, part: write(handle, part[:2]))
+    write_whole(tmp_path / "f.txt", (part for part in (b"lumi", b"", b"nance")))
+    assert (tmp_path / "f.txt").read_bytes() == b"luminance"
+
+
 @pytest.mark.parametrize("failure", [OSError(28, "No space left on device"), KeyboardInterrupt()])
 def test_a_failure_in_the_middle_leaves_nothing(
     failure: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

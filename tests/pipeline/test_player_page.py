@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -34,6 +35,7 @@ from made_player_page import (
 )
 from selenium.webdriver import ActionChains, Keys
 
+from evenlight.analysis.player import player_page
 from evenlight.analysis.player.player_page import PlayerContent, player_html, write_player_page
 from evenlight.analysis.player.proxy_video import Proxy, Tiles
 from evenlight.data_schema.tracks.brightness_track import (
@@ -389,6 +391,16 @@ def test_without_webgl_it_says_so_and_the_rest_works(page: Path) -> None:
 
 def test_equal_contents_give_equal_pages(content: PlayerContent) -> None:
     assert player_html(content) == player_html(content)
+
+
+def test_a_picture_of_several_parts_is_in_the_page_as_one(
+    content: PlayerContent, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(player_page, "PART", 3)
+    assert len(content.picture.data) > 9
+    write_player_page(tmp_path / "player.html", content)
+    found = re.findall(r'data:video/mp4;base64,([^"]*)"', (tmp_path / "player.html").read_text("utf-8"))
+    assert [base64.b64decode(one, validate=True) for one in found] == [content.picture.data]
 
 
 def test_a_figure_of_the_price_of_invisibility_that_lies_beside_the_page_is_in_it(
