@@ -30,6 +30,7 @@ from evenlight.analysis.figure_style import (
     text_at,
 )
 
+UNITS = {"s": 1.0, "ms": 1e-3, "µs": 1e-6}  # of times [s]
 # As wide as a page, for a screen: pictures that go with a document are small files.
 SCREEN = replace(PAGE, dots_per_inch=110.0)
 COLOUR = {
@@ -205,7 +206,7 @@ def duration(seconds: float) -> str:
     >>> duration(0.0123), duration(4e-5), duration(95.0)
     ('12.3 ms', '40 µs', '95 s')
     """
-    for least, unit in ((1.0, "s"), (1e-3, "ms"), (1e-6, "µs")):
+    for unit, least in UNITS.items():
         if seconds >= least:
             return f"{seconds / least:.3g} {unit}"
     return f"{seconds * 1e6:.3g} µs"

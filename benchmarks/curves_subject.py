@@ -110,7 +110,8 @@ def _lead(frames: Points, videos: Points) -> str:
 def _notes() -> tuple[str, ...]:
     """Return what a reader should know."""
     return (
-        "Frames are in memory, but for those of H.264 files: there the steps are timed apart, and together.",
+        "From file to page, stages are timed apart, of all frames of a film in H.264; ratios are to FFmpeg's "
+        "decoding. Curves of the file are all stages to there at once. Elsewhere frames are in memory.",
         "The definition dims the frame, rebuilds the pyramids and compares, in float64, for each factor.",
         "The one pass in NumPy takes the same steps, one expression over the image after the other: its time "
         "shows what the compiled loops save, its error in double precision what the one approximation costs.",

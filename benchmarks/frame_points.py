@@ -34,8 +34,6 @@ OURS = "one pass, every b"
 DOUBLE, SINGLE = "one pass in double precision, NumPy", "one pass in single precision, NumPy"
 OF_PIXELS = "pixels"
 GROWTH = "one frame, by size"
-# Surace et al. (2025), supplement: five factors of one frame of 640 x 272, on a processor not named.
-PUBLISHED = 0.4
 
 Pixels = NDArray[np.uint8]
 Curve = Callable[[], Array]
@@ -63,13 +61,7 @@ def frame_points(settings: RunSettings, display: Display) -> list[BenchmarkPoint
         frame = picture(height, width, np.random.default_rng(settings.seed))
         approach = Approach(frame_task(width, height), "", Role.VARIANT, width * height, OF_PIXELS)
         points += _points(approach, frame, display, settings)
-    first = points[0]
-    cited = Approach(first.task, "the authors' script, 640 x 272", Role.CITED, 640 * 272, OF_PIXELS)
-    note = "five factors; as the authors report it, on another machine"
-    return [
-        *points,
-        replace(point(cited, _once(PUBLISHED, 0.0)), repeats=0, processor_time=None, ratio=None, note=note),
-    ]
+    return points
 
 
 def _points(
@@ -197,9 +189,5 @@ def _timed_once(run: Curve) -> tuple[Array, Times]:
     """Return what a long run gives, and its times."""
     began, used = time.perf_counter(), time.process_time()
     result = run()
-    return result, _once(time.perf_counter() - began, time.process_time() - used)
-
-
-def _once(wall: float, processor: float) -> Times:
-    """Return the times of one run [s]."""
-    return Times(np.array([wall]), np.array([processor]), np.ones(1))
+    wall, processor = time.perf_counter() - began, time.process_time() - used
+    return result, Times(np.array([wall]), np.array([processor]), np.ones(1))

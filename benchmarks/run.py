@@ -9,6 +9,7 @@ from pathlib import Path
 
 import typer
 
+from benchmarks.compare import read_page, slower_rows
 from benchmarks.measured import RunSettings, Subject
 from benchmarks.results import measure_all
 from evenlight.analysis.figure_style import QUICK_MARK, marked_figures
@@ -31,8 +32,9 @@ def run(
     cluster: str | None = None,
     *,
     force: bool = False,
-) -> None:
-    """Measure subjects, write their files, and say what was found.
+    compare: Path | None = None,
+) -> bool:
+    """Measure subjects, write their files, and say what was found; return whether nothing became slower.
 
     Parameters
     ----------
@@ -50,7 +52,10 @@ def run(
         Where to measure. On this computer one subject at a time: two would slow each other down.
     force : bool, optional
         Whether to remove what else lies in the folder.
+    compare : Path, optional
+        A stored page: what takes more than 15 % longer than there is said.
     """
+    stored = None if compare is None else read_page(compare)
     with (
         result_folder(out, "bench", force=force) as folder,
         opened_map(f"{LOCAL}:1" if cluster == LOCAL else cluster, quiet) as mapped,
@@ -63,11 +68,15 @@ def run(
         else:
             progress.step("measuring on the cluster")
         measured = measure_all(subjects(names), settings, folder, mapped)
+    slower = [] if stored is None else slower_rows(read_page(out / "benchmarks.md"), stored)
+    for line in slower:
+        typer.echo(line)
     if quiet:
-        return
+        return len(slower) < 2
     for one in measured:
         typer.echo(one.lead)
     missed = sum(claim.met is False for one in measured for claim in one.claims)
     if missed:
         typer.echo(f"{missed} of the targets missed; the page says by how much")
     typer.echo(f"{out / 'benchmarks.md'} has the tables and figures")
+    return len(slower) < 2

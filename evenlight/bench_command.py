@@ -40,6 +40,10 @@ def bench(
         bool, typer.Option("--quick", help="Small sizes, each timed once: rough figures.")
     ] = False,
     seed: Annotated[int, expert(help="Seed of the random numbers.")] = 1,
+    compare: Annotated[
+        Path | None,
+        typer.Option(metavar="PAGE", help="Stored benchmarks.md: tell what takes over 15 % longer now."),
+    ] = None,
     cluster: ClusterOption = None,
     force: ForceOption = False,
     quiet: QuietOption = False,
@@ -58,4 +62,6 @@ def bench(
         if not names:
             raise InputError("scale starts workers of its own; leave out --cluster")
     run = importlib.import_module("benchmarks.run")
-    run.run([n.value for n in names], out, quick, seed, quiet, cluster, force=force)
+    asked = [n.value for n in names], out, quick, seed, quiet, cluster
+    if not run.run(*asked, force=force, compare=compare):
+        raise typer.Exit(1)

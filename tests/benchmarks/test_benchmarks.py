@@ -15,6 +15,7 @@ from benchmarks import (
     video_points,
 )
 from benchmarks.chart import SCREEN, chart_figure
+from benchmarks.compare import read_page, slower_rows
 from benchmarks.curves_memory import DISPLAY
 from benchmarks.fit_subject import TO_TRUTH, TWO_INTERVAL, YES_NO, simulated
 from benchmarks.measured import (
@@ -33,6 +34,7 @@ from benchmarks.records import BenchmarkClaim, BenchmarkPoint, BenchmarkSummary,
 from benchmarks.results import measure_all
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.analysis.figure_style import look
+from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.tables import read_rows
 from evenlight.data_schema.storage.text_files import read_json_record
 from evenlight.method.contrast.loss_curves import analyze_frames
@@ -259,16 +261,43 @@ def test_a_frame_is_held_to_its_processor_time(time: float, met: bool) -> None:
     assert (of_error.measured, of_error.met) == (3e-5, True)
 
 
-def test_a_file_is_timed_step_by_step_and_its_planes_are_compared(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_file_is_timed_stage_by_stage_beside_ffmpeg_and_its_planes_are_compared(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.setattr(decoding_points, "QUICK_SIZES", ((64, 36),))
     points = decoding_points.decoding_points(RunSettings(quick=True), DISPLAY)
     by_name = {p.approach: p for p in points}
     assert all(p.size == 64 * 36 and p.time > 0 for p in points)
+    expected = [p.time / by_name[decoding_points.FFMPEG].time for p in points[:-1]]
+    assert [p.ratio for p in points] == [*map(pytest.approx, expected), None]  # the last is cited
     assert by_name[decoding_points.OF_PLANES].error == 0
-    slow = replace(by_name[decoding_points.TWO_JOBS], ratio=0.6)
-    equal, jobs = decoding_points.decoding_claims([slow, by_name[decoding_points.OF_PLANES]])
-    assert equal.met
-    assert not jobs.met  # 1 / 0.6 is below 1.7
+    slow = replace(by_name[decoding_points.ONE_JOB], approach=decoding_points.TWO_JOBS)  # as long as one
+    assert [c.met for c in decoding_points.decoding_claims([*points, slow])] == [True, False]
+
+
+# --- comparison with a stored page
+
+
+def a_page(machine: str, *points: BenchmarkPoint) -> str:
+    return page({"processor": machine}, [SubjectResults("curves", "Curves", "", points, ())], False, "")
+
+
+def test_what_is_slower_than_a_stored_page_is_told_by_times_of_the_same_machine(tmp_path: Path) -> None:
+    slow, within = replace(POINTS[0], time=1.2, time_high=1.2), replace(POINTS[1], time=0.057, time_high=1.0)
+    told = slower_rows(a_page("a", slow, within), a_page("a", *POINTS))
+    assert told[0] == "compared 2 times, on the same machine; 1 more than 15 % above the stored"
+    assert told[1:] == ["One frame: by definition (reference): 1.33 times"]
+    (tmp_path / "page.md").write_text("# No page of times", encoding="utf-8")
+    with pytest.raises(InputError, match="holds no times"):
+        read_page(tmp_path / "page.md")
+
+
+def test_on_another_machine_ratios_to_what_is_not_ours_are_compared() -> None:
+    decoded, ours = replace(POINTS[0], ratio=1.0), replace(POINTS[2], ratio=2.0)
+    later = [replace(p, time=2 * p.time, time_high=2 * p.time) for p in (decoded, replace(ours, ratio=3.0))]
+    told = slower_rows(a_page("b", *later), a_page("a", decoded, ours))
+    assert told[1:] == ["One frame: half the pixels: 1.50 times"]
+    assert slower_rows(a_page("b", *POINTS), a_page("a", *POINTS))[0].startswith("compared 0 ratios")
 
 
 # --- apply benchmark
