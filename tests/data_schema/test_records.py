@@ -244,7 +244,6 @@ def test_records_cannot_be_changed() -> None:
 
 
 def test_a_record_copies_arrays_that_others_may_write_to_and_one_made_of_it_shares_them() -> None:
-    """The loss curves of 30 minutes are 24 MB: there is one copy of them."""
     track = example_track(np.linspace(0.4, 0.6, 5))
     taken = replace(track, factors=(mine := track.factors.copy()))
     mine[0] = 0.1

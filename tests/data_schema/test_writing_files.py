@@ -40,8 +40,7 @@ def test_a_file_is_written_with_the_folders_it_needs(tmp_path: Path) -> None:
 def test_a_file_may_come_in_parts_of_which_a_disk_takes_some(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    write = os.write
-    monkeypatch.setattr(os, "write", lambda handle, part: write(handle, part[:2]))
+    monkeypatch.setattr(os, "write", lambda handle, part, write=os.write: write(handle, part[:2]))
     write_whole(tmp_path / "f.txt", (part for part in (b"lumi", b"", b"nance")))
     assert (tmp_path / "f.txt").read_bytes() == b"luminance"
 
