@@ -63,14 +63,7 @@ class HeadsetSearchPlayer(SearchPlayer):
 class SceneInHeadset:
     """A scene with a ring in it, as both eyes see it; it is drawn for each refresh, for a head never rests.
 
-    Parameters
-    ----------
-    rings : StereoRings
-        The scene.
-    view : SearchView
-        Ring, and where the head is as the session begins.
-    headset : HeadsetWindow
-        Whose eyes see it.
+    `view` has the ring, and where the head is as the session begins.
     """
 
     def __init__(self, rings: StereoRings, view: SearchView, headset: HeadsetWindow) -> None:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterable
 from contextlib import AbstractContextManager, closing, nullcontext
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Protocol
 
 from evenlight.data_schema.arrays import Array
@@ -228,7 +229,7 @@ class SearchPlayer:
             refresh = len(searching.refreshes)
             self._renderer.draw(window.framebuffer(), picture, refresh, view.noise_seed)
             self._on.mark("search")
-            flip = self._on.flip("search", view.scene)
+            flip = self._on.flip("search", Path(view.scene).stem)
             searching.note(flip, direction, brightness.reported())
             searching.take(self._presses())
 

@@ -9,6 +9,7 @@ import math
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -91,7 +92,7 @@ class RingViews:
         """Return what is known of all rings seen so far, for a file."""
         return [
             {
-                "scene": scene,
+                "scene": Path(scene).stem,
                 "position_m": list(position),
                 "azimuth_deg": ring.azimuth,
                 "altitude_deg": ring.altitude,

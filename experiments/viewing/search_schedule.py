@@ -17,12 +17,14 @@ from evenlight.experiments.chance import Purpose, drawn_halves, drawn_row, gener
 from evenlight.experiments.sessions.fixed_order import PlannedTrial
 from evenlight.experiments.stimulus_folder import LoadedStimulus
 from evenlight.method.contrast.luminance import displayed_luminance
+from evenlight.stimuli.rings.chosen_places import APART
 from evenlight.stimuli.rings.landolt import Ring, Surroundings, painted, require_drawable, shown_contrast
 from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
 from evenlight.stimuli.scenes.content.catalogue import path_named
-from evenlight.stimuli.scenes.engine.camera import Camera, focal_length_of
+from evenlight.stimuli.scenes.engine.camera import HIGHEST, Camera, focal_length_of
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
 from evenlight.stimuli.scenes.engine.graphics import PEAK
+from evenlight.stimuli.scenes.engine.scene import direction_of
 from evenlight.stimuli.sequence_format import ENCODING_GAMMA
 
 LONGEST_DIFFERENCE = 1.0  # [s] between a camera path and its track
@@ -87,6 +89,7 @@ def search_points(
         if not design.keypoints or f"{stimulus.name}/{rings.keypoint}" in design.keypoints
     ]
     for point in points:
+        _require_reached(design, point)
         _require_contrast(design, point, display)
         if actuator is Actuator.PIXELS:
             _require_contrast_dimmed(design, point, display)
@@ -108,6 +111,19 @@ def _require_whole_path(stimulus: LoadedStimulus) -> None:
             f"{stimulus.folder}: its track lasts {track:g} s, and the path {stimulus.name} {walk:g} s; "
             "make a track of the whole path"
         )
+
+
+def _require_reached(design: SearchDesign, point: SearchPoint) -> None:
+    """Refuse places of rings that the view does not turn to, or that are as good as one."""
+    rings, of = point.rings, f"{point.sequence}/{point.keypoint}: its places of rings"
+    aside = max(map(abs, (*rings.azimuths, rings.practice_azimuth)))
+    up = max(map(abs, (*rings.altitudes, rings.practice_altitude)))
+    if aside > design.field_of_view or up > HIGHEST:
+        need = f"azimuths of {design.field_of_view:g} and altitudes of {HIGHEST:g} degrees at most"
+        raise InputError(f"{of} lie farther off than the view turns; need {need}")
+    first, second = map(direction_of, rings.azimuths, rings.altitudes)
+    if first @ second > math.cos(math.radians(APART - 0.01)):
+        raise InputError(f"{of} are too near to each other; need two that are {APART:g} degrees apart")
 
 
 def _require_contrast(design: SearchDesign, point: SearchPoint, display: Display) -> None:

@@ -114,14 +114,7 @@ def centre_pixels_per_degree(fov: EyeFov, width: int) -> float:
     """Return the pixels per degree of an eye's picture straight ahead, across [1/deg].
 
     The picture is flat, and each of its pixels covers the same step of the tangent; straight ahead a degree
-    is pi / 180 of it, and towards the edges more.
-
-    Parameters
-    ----------
-    fov : EyeFov
-        The edges of the picture.
-    width : int
-        Its width [pixels].
+    is pi / 180 of it, and towards the edges more. `fov` are its edges, `width` is in pixels.
 
     >>> quarter = math.pi / 4
     >>> round(centre_pixels_per_degree(EyeFov(-quarter, quarter, quarter, -quarter), 720), 3)  # 360 pi / 180

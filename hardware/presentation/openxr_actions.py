@@ -83,15 +83,7 @@ class MenuButton:
 
 
 class Controllers:
-    """The controllers of a session.
-
-    Parameters
-    ----------
-    runtime : OpenXRRuntime
-        The runtime.
-    session : xr.Session
-        Its session.
-    """
+    """The controllers of a runtime's session."""
 
     def __init__(self, runtime: OpenXRRuntime, session: Any) -> None:
         xr, instance = runtime.xr, runtime.instance

@@ -116,18 +116,7 @@ def hidden_area(runtime: OpenXRRuntime, session: Any, kind: Any, eye: int) -> tu
 
 
 class Swapchain:
-    """The pictures that go to the runtime: all views side by side.
-
-    Parameters
-    ----------
-    runtime : OpenXRRuntime
-        The runtime.
-    session : xr.Session
-        Its session.
-    context : moderngl.Context
-        The context of the session.
-    size : tuple of int
-        Width of all views together, and height [pixels].
+    """The pictures that go to the runtime: all views side by side, so wide and so high [pixels].
 
     Raises
     ------

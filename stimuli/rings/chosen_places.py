@@ -10,6 +10,7 @@ practice as well, away from both, and as much like them in luminance as there is
 from __future__ import annotations
 
 import math
+from collections import Counter
 from typing import NamedTuple
 
 import numpy as np
@@ -95,26 +96,27 @@ def choose_places(scene: Scene, rings: RingScene, camera: Camera, rng: np.random
     InputError
         If no three are found.
     """
-    found: list[RingPlace] = []
-    roomy: list[RingPlace] = []
-    for azimuth, altitude in _directions(camera, rng):
-        place = _suitable((scene, rings), camera, (azimuth, altitude), GAP)
-        if place is None:
+    found, roomy, unfit = list[RingPlace](), list[RingPlace](), Counter[str]()
+    for direction in _directions(camera, rng):
+        place = _suitable((scene, rings), camera, direction, GAP)
+        if isinstance(place, str):
+            unfit[place] += 1
             continue
         found.append(place)
-        place = _suitable((scene, rings), camera, (azimuth, altitude), PRACTICE_SIZE * GAP)
-        roomy += [place] if place is not None else []
+        place = _suitable((scene, rings), camera, direction, PRACTICE_SIZE * GAP)
+        roomy += [] if isinstance(place, str) else [place]
         if len(found) >= ENOUGH and (chosen := _three(found, roomy)) is not None:
             return chosen
     chosen = _three(found, roomy)
     if chosen is None:
         x, y, z = camera.position
+        why = ", ".join(f"{count} {reason}" for reason, count in unfit.most_common())
         raise InputError(
             f"{scene.name}: around ({x:g}, {y:g}, {z:g}) m, towards {camera.azimuth:g} degrees, {len(found)} "
             f"of {DRAWS} directions suit a ring of {GAP:g} arcmin, {len(roomy)} of them one of "
-            f"{PRACTICE_SIZE * GAP:g}; two that are {APART:g} degrees apart are needed, and a larger one "
-            f"{PRACTICE_APART:g} from both: take another keypoint, or one with larger even surfaces of "
-            f"{DARKEST:g} cd/m^2 and more around it"
+            f"{PRACTICE_SIZE * GAP:g}; two that are {APART:g} degrees apart are needed, "
+            f"and a larger one {PRACTICE_APART:g} from both: take another keypoint, or one with larger even "
+            f"surfaces of {DARKEST:g} cd/m^2 and more around it; the other directions: {why or 'none'}"
         )
     return chosen
 
@@ -164,18 +166,21 @@ def _directions(camera: Camera, rng: np.random.Generator) -> list[tuple[float, f
 
 def _suitable(
     drawn: tuple[Scene, RingScene], camera: Camera, direction: tuple[float, float], gap: float
-) -> RingPlace | None:
+) -> RingPlace | str:
+    """Return the place of a ring in a direction, or why none can be there."""
     scene, rings = drawn
     ring = Ring(*direction, gap, CONTRAST, 0)
     if not lies_on_a_surface(scene, camera, ring):
-        return None
+        return "on no flat surface without light of its own"
     around = rings.surroundings(ring, camera.position)
-    if around.luminance < DARKEST or around.variation > LARGEST_VARIATION:
-        return None
+    if around.luminance < DARKEST:
+        return f"in less than {DARKEST:g} cd/m^2"
+    if around.variation > LARGEST_VARIATION:
+        return "in uneven light"
     try:
         painted(ring, around, DISPLAY)
-    except InputError:  # out of the display's reach
-        return None
+    except InputError:
+        return "out of the display's reach"
     return RingPlace(ring.azimuth, ring.altitude, around.luminance, around.variation)
 
 

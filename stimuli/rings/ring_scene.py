@@ -56,17 +56,7 @@ PRACTICE_SIZE = 2  # of a ring for practice, as a multiple of the design's
 
 
 class RingScene:
-    """A scene whose pictures have a ring in them.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-        That of the renderer.
-    renderer : SceneRenderer
-        Draws the scene.
-    display : Display
-        What shows it.
-    """
+    """A scene whose pictures have a ring in them, as a display shows it."""
 
     def __init__(self, context: moderngl.Context, renderer: SceneRenderer, display: Display) -> None:
         self._context, self._renderer, self._display = context, renderer, display
@@ -154,18 +144,7 @@ class RingScene:
 
 
 class StereoRings:
-    """A scene whose pictures, one for each view, have a ring in them.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-        That of the renderer.
-    pictures : StereoRenderer
-        Draws the scene.
-    scene : Scene
-        The scene.
-    display : Display
-        The headset's.
+    """A scene whose pictures, one for each view of a headset, have a ring in them.
 
     Attributes
     ----------

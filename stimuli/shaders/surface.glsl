@@ -48,7 +48,7 @@ void main() {
     vec3 arriving = texture(light, at_light.xy / at_light.z).rgb;
 #ifdef RELIEF
     if (textureSize(around, 0).x > 1) {  // as much more or less as arrives from around
-        arriving *= min(seen_around(bent, 5) / max(seen_around(n, 5), 0.001), 3.0);
+        arriving *= min(seen_around(bent, roughest) / max(seen_around(n, roughest), 0.001), 3.0);
     }
 #endif
     float towards = dot(n, sun_direction);

@@ -16,7 +16,8 @@ out vec3 at;
 centroid out vec3 at_light;
 out vec4 share;  // of the albedo texture; gloss
 out vec4 fine;   // place and layer of the detail; its strength
-// A row each: scale of the albedo and gloss; layer and strength of the detail, layer of the albedo, metal.
+// A row each: scale of the albedo and gloss; layer and strength of the detail, layer of the albedo, metal;
+// what its lobe is.
 uniform sampler2D materials;
 #if defined(SHINY) || defined(RELIEF)
 uniform sampler2D rooms;  // a row each: where it is seen from, corners of its box [m]
@@ -24,6 +25,7 @@ flat out vec4 room;
 flat out vec3 low;
 flat out vec3 high;
 flat out float metal;
+flat out vec4 lobe;
 #endif
 void main() {
     where_ = position;
@@ -40,6 +42,7 @@ void main() {
     low = texelFetch(rooms, ivec2(1, number), 0).xyz;
     high = texelFetch(rooms, ivec2(2, number), 0).xyz;
     metal = second.w;
+    lobe = texelFetch(materials, ivec2(2, int(material)), 0);
 #endif
     vec4 seen = view * vec4(position, 1.0);
     vec3 placed = placing * seen.xyw;

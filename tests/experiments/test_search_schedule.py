@@ -24,7 +24,7 @@ from evenlight.experiments.viewing.search_schedule import (
     search_practice,
 )
 from evenlight.method.preset_files import load_display
-from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, ring_places
+from evenlight.stimuli.rings.ring_scene import PRACTICE_SIZE, KeypointRings, RingPlaces, ring_places
 from evenlight.stimuli.scenes.content.catalogue import PATHS, files_sha256, path_named, scene_searched
 from evenlight.stimuli.scenes.engine.camera import Camera
 
@@ -131,6 +131,23 @@ def test_practice_has_larger_rings_at_places_that_the_session_does_not_use() -> 
         assert trial.ring.altitude == 22.0
         assert trial.practice
         assert trial.block == 0
+
+
+@pytest.mark.parametrize(
+    ("azimuths", "altitude", "practice", "refused"),
+    [
+        ((20.0, -61.0), 0.0, 3.0, "farther off than the view turns; need azimuths of 60 and alt"),
+        ((20.0, -25.0), 61.0, 3.0, "farther off"),
+        ((20.0, -25.0), 0.0, -170.0, "farther off"),
+        ((20.0, 39.9), 0.0, 3.0, "need two that are 20 degrees apart"),
+    ],
+)
+def test_places_of_ones_own_are_reached_and_apart(monkeypatch, azimuths, altitude, practice, refused):
+    rings = KeypointRings("stacks", azimuths, (0.0, altitude), (8.0, 8.0), practice, 5.0, 8.0)
+    own = RingPlaces("library", 1, (rings,))
+    monkeypatch.setattr(search_schedule, "ring_places", lambda path: own)
+    with pytest.raises(InputError, match=f"^library/stacks: its places of rings .*{refused}"):
+        stacks(-0.3, 0.9)
 
 
 class Track:

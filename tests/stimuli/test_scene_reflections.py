@@ -97,6 +97,25 @@ def test_what_is_matt_is_the_same_bit_by_bit_and_draws_no_surroundings(monkeypat
     np.testing.assert_array_equal(seen(room(0.0), down), beside_smooth)
 
 
+def test_what_hides_most_is_drawn_first_and_the_picture_is_the_same(monkeypatch):
+    """Rows of walls, matt and smooth by turns, one behind the other: few samples are drawn of hidden ones."""
+    model, kinds = SceneModel("rows", 1), (paint("matt", 0.5), paint("smooth", 0.5, gloss=0.8))
+    for k in range(64):
+        model.quad([(x, 1 + k / 10, z) for x, z in ((-9, -9), (9, -9), (9, 9), (-9, 9))], kinds[1 - k % 2])
+    model.sky((9, 12, 20), (20, 20, 20))
+    scene, drawn, pictures = model.build(), [], []
+    for parts in (1, drawing.PARTS):
+        monkeypatch.setattr(drawing, "PARTS", parts)
+        with offscreen_context() as context:
+            renderer = SceneRenderer(context, scene, (SIZE, SIZE), None, OFFLINE)
+            with (counted := context.query(samples=True)):
+                renderer.render(Camera((0.0, 0.0, 0.0), 0.0))
+            drawn.append(counted.samples)
+            pictures.append(renderer.luminance())
+    np.testing.assert_array_equal(*pictures)
+    assert drawn[1] < drawn[0]
+
+
 def test_a_picture_of_all_around_goes_on_beyond_its_edges():
     whole, inner = octahedron(8, 1), octahedron(8)
     np.testing.assert_allclose(whole[1:-1, 1:-1], inner)

@@ -115,11 +115,9 @@ def path_named(name: str, scene: str = "") -> CameraPath:
     if scene and not name.endswith(".json"):
         raise InputError(f"{name}: need a camera path through {scene}, a .json file (docs/scenes.md)")
     file = Path(name) if name.endswith(".json") else PATHS / f"{name}.json"
-    if name.endswith(".json") and not file.exists():
-        raise InputError(f"{name}: there is no such camera path; give a .json file that is there")
     if not file.exists():
         known = ", ".join(sorted(p.stem for p in PATHS.glob("*.json") if "." not in p.stem))
-        raise InputError(f"no camera path {name!r}: there are {known}")
+        raise InputError(f"no camera path {name!r}: there are {known}; or give a .json file that is there")
     path = path_from_text(file.stem, read_text(file, "a camera path"), scene)
     if is_scene_file(path.scene):
         path = path if scene else replace(path, scene=str(file.parent / path.scene))
@@ -152,14 +150,15 @@ def scene_to_walk(name: str) -> tuple[Scene, CameraPath | None]:
     from evenlight.stimuli.scenes.engine.light.found_ground import found_ground
     from evenlight.stimuli.scenes.gltf.gltf_differences import tell_differences
 
-    own = is_scene_file(name)
-    path = _turning(name, (0.0, 0.0, 0.0)) if own else path_named(name)
-    scene, eyes = scene_of(path), () if own else tuple(point.position for point in path.keypoints)
-    scene = replace(scene, walkable=path.walkable or scene.walkable or (found_ground(scene, eyes),))
-    if own:
-        x, y, floor = scene.walkable[0].middle
+    if is_scene_file(name):
+        ground = found_ground(_scene_in(Path(name), sha256_of_gltf(Path(name))))
+        x, y, floor = ground.middle
         path = _turning(name, (x, y, floor + EYE_HEIGHT))
-        scene = replace(scene_of(path), walkable=scene.walkable)
+        scene = replace(scene_of(path), walkable=(ground,))
+    else:
+        path = path_named(name)
+        scene, eyes = scene_of(path), [point.position for point in path.keypoints]
+        scene = replace(scene, walkable=path.walkable or scene.walkable or (found_ground(scene, eyes),))
     tell_differences(scene, path, FIELD_OF_VIEW)
     if off := [point.name for point in path.keypoints if not on_ground(point.position, scene)]:
         where = "nowhere on it: begins in its middle" if len(off) == len(path.keypoints) else ", ".join(off)

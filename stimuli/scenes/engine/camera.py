@@ -144,9 +144,7 @@ def sun_matrix(scene: Scene) -> Floats:
     ahead = -scene.sun.direction()
     right = direction_of(scene.sun.azimuth - 90, 0.0)
     axes = np.stack([right, np.cross(right, ahead), ahead])
-    patches = scene.patches
-    points = np.concatenate([patches.origin, patches.origin + patches.along, patches.origin + patches.across])
-    seen = points @ axes.T
+    seen = scene.patches.corners.reshape(-1, 3) @ axes.T
     low, high = seen.min(axis=0) - 0.1, seen.max(axis=0) + 0.1
     matrix = np.eye(4)
     matrix[:3, :3] = axes * (2 / (high - low))[:, None]

@@ -267,11 +267,8 @@ def check_path(path: CameraPath, scene: Scene) -> None:
 
 def _check_extent(path: CameraPath, scene: Scene) -> None:
     """Refuse a path one of whose keypoints is so far from a scene that nothing of it is drawn."""
-    patches = scene.patches
-    corners = np.concatenate(
-        [patches.origin, patches.origin + patches.along, patches.origin + patches.across]
-    )
-    low, high = corners.min(axis=0) - FAR, corners.max(axis=0) + FAR
+    corners = scene.patches.corners
+    low, high = corners.min(axis=(0, 1)) - FAR, corners.max(axis=(0, 1)) + FAR
     for point in path.keypoints:
         if not ((low <= point.position) & (point.position <= high)).all():
             box = " x ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))

@@ -7,11 +7,12 @@ shading in Unreal Engine 4). They are drawn once, and stored in the user's cache
 from __future__ import annotations
 
 import hashlib
+import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from evenlight.stimuli.scenes.engine import graphics
 from evenlight.stimuli.scenes.engine.antialiasing import NONE
@@ -20,7 +21,7 @@ from evenlight.stimuli.scenes.engine.camera import EYE_HEIGHT, EyeView
 from evenlight.stimuli.scenes.engine.light.ray_tree import RayTree, ray_tree
 from evenlight.stimuli.scenes.engine.light.seen_patches import met
 from evenlight.stimuli.scenes.engine.material_textures import MaterialTextures
-from evenlight.stimuli.scenes.engine.scene import Floats, Ground, Scene, Vector
+from evenlight.stimuli.scenes.engine.scene import Floats, Ground, Scene
 from evenlight.stimuli.scenes.engine.vertices import faces_of
 
 if TYPE_CHECKING:
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 SIDES = (256, 128, 64, 32, 16, 16)  # [texels] of each picture, from a mirror's to a rough surface's
 RIM = 1  # [texels] around each
 FIRST_ROW = np.cumsum([0, *(side + 2 * RIM for side in SIDES)])
+TEXEL = 1 / (SIDES[0] + 2 * RIM), 1 / int(FIRST_ROW[-1])  # of the width and the height of all pictures
 SHARPEST = 0.07  # roughness that a picture of one texel in 0.8 degrees shows
 MOST_ROOMS, CANDIDATES = 16, 128
 CELL = 1.5  # [m] candidates are about so far apart
@@ -58,7 +60,7 @@ def shine_of(scene: Scene) -> Floats:
 def reflections(
     context: moderngl.Context, drawing: GraphicsScene,
     lit: tuple[Scene, MaterialTextures, NDArray[np.float16]], vertices: NDArray[np.void],
-) -> tuple[moderngl.Texture, moderngl.Texture]:  # fmt: skip
+) -> tuple[moderngl.TextureArray, moderngl.Texture]:  # fmt: skip
     """Return the pictures around the rooms, and the rooms, as textures; the vertices are told their room.
 
     `lit` is the scene, the textures of its materials and the light on its surfaces.
@@ -78,7 +80,8 @@ def reflections(
 
     room, boxes, picture = surroundings(*lit, draw)
     vertices["normal"][:, 3] = np.repeat(room, 4)
-    around = context.texture(picture.shape[1::-1], 3, picture.astype("f2"), dtype="f2", alignment=2)
+    size = *picture.shape[2:0:-1], len(picture)
+    around = context.texture_array(size, 3, picture.astype("f2"), dtype="f2", alignment=2)
     rooms = context.texture((3, len(boxes)), 3, boxes, dtype="f4")
     rooms.filter = graphics.NEAREST, graphics.NEAREST
     return around, rooms
@@ -89,9 +92,9 @@ def surroundings(
 ) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return what a scene's smooth surfaces reflect: which room each patch is in, rooms and pictures.
 
-    Rooms, (k, 3, 3): where each is seen from, its lower and its higher corner [m]. Pictures, (height,
-    k * width, 3): a column for each room, in it one for each of `SIDES`, row 0 at the bottom. `draw` draws
-    views without reflections: their luminance, (v, side, side, 3), row 0 at the bottom.
+    Rooms, (k, 3, 3): where each is seen from, its lower and its higher corner [m]. Pictures, (k, height,
+    width, 3): in each one for each of `SIDES` over the other, row 0 at the bottom. `draw` draws views
+    without reflections: their luminance, (v, side, side, 3), row 0 at the bottom.
     """
     patches, n = scene.patches, len(scene.patches)
     digest = hashlib.sha256(repr((scenes_sha256(), scene.sun, scene.sky)).encode())
@@ -105,21 +108,16 @@ def surroundings(
         tree = ray_tree(patches, textures.coverage[patches.material])
         room, places = rooms_of(scene, tree)
         seen = draw([
-            EyeView(_vector(place), _vector(right), _vector(up), _vector(ahead), WHOLE)
-            for place in places for right, up, ahead in VIEWS
+            EyeView(*(*np.vstack([place, axes]).tolist(), WHOLE)) for place in places for axes in VIEWS
         ])  # fmt: skip
         seen = seen.reshape(len(places), len(VIEWS), SIDES[0], SIDES[0], 3)
         parts = room, np.array([box_around(tree, place) for place in places]), blurred(seen)
         stored = np.concatenate([np.ravel(part) for part in parts]).astype(np.float32)
         store_array(name, stored, instead_of=f"reflections-{scene.name}-*")
-    count = (len(stored) - n) // (9 + int(FIRST_ROW[-1]) * width * 3)
-    room, boxes, picture = np.split(stored, [n, n + 9 * count])
-    return room, boxes.reshape(count, 3, 3), picture.reshape(int(FIRST_ROW[-1]), count * width, 3)
-
-
-def _vector(values: Floats) -> Vector:
-    x, y, z = values.tolist()
-    return x, y, z
+    size = int(FIRST_ROW[-1]), width, 3
+    count = (len(stored) - n) // (9 + math.prod(size))
+    room, boxes, pictures = np.split(stored, [n, n + 9 * count])
+    return room, boxes.reshape(count, 3, 3), pictures.reshape(count, *size)
 
 
 def rooms_of(scene: Scene, tree: RayTree) -> tuple[NDArray[np.int64], Floats]:
@@ -236,27 +234,30 @@ def spread(middle: Floats, grade: int) -> Floats:
     return np.stack([frame @ ray for ray in lobe(grade)])
 
 
-# As the shader has it; the mean cosine of a lobe counts nothing below the surface.
-LAYOUT_OF_PICTURES: dict[str, Any] = {
-    "first_row": FIRST_ROW.astype(float),
-    "mean_cosine": [float(lobe(grade)[:, 2].clip(0).mean()) for grade in range(len(SIDES))],
-}
+def lobes_of(gloss: ArrayLike) -> Floats:
+    """Return what the shader knows of the lobes of materials, (m, 4), from how smooth they are, (m, 1).
+
+    Of the picture, the middle row and half the width [texels]; of what spreads the sun's light, two factors.
+    """
+    rough = 1 - np.ravel(gloss)
+    grade = (rough * (len(SIDES) - 1) + 0.5 + 1e-6).astype(int)  # such as of 0.7 alike on all machines
+    squared, half = np.maximum(rough**2, 0.02) ** 2, np.array(SIDES)[grade] / 2
+    cosine = np.array([lobe(k)[:, 2].clip(0).mean() for k in grade])  # nothing counts below the surface
+    return np.column_stack([FIRST_ROW[grade] + RIM + half, half, 1 - squared, squared / (4 * cosine)])
 
 
 def blurred(seen: NDArray[Any]) -> NDArray[np.float32]:
-    """Return the pictures of rooms, (height, k * width, 3), from what was drawn, (k, 6, side, side, 3)."""
-    rows, width = [], SIDES[0] + 2 * RIM
-    for grade, side in enumerate(SIDES):
+    """Return the pictures of rooms, (k, height, width, 3), from what was drawn, (k, 6, side, side, 3)."""
+    pictures = np.zeros((len(seen), int(FIRST_ROW[-1]), SIDES[0] + 2 * RIM, 3), dtype=np.float32)
+    for grade, (side, first) in enumerate(zip(SIDES, FIRST_ROW, strict=False)):
         sums, cosines = np.zeros((len(seen), side + 2 * RIM, side + 2 * RIM, 3)), lobe(grade)[:, 2].clip(0)
         for rays, cosine in zip(spread(octahedron(side, RIM), grade), cosines, strict=True):
             sums += cosine * looked_up(seen, rays)
-        row = np.zeros((len(seen), side + 2 * RIM, width, 3), dtype=np.float32)
-        row[:, :, : side + 2 * RIM] = sums / cosines.sum()
-        rows.append(row)
+        pictures[:, first : first + side + 2 * RIM, : side + 2 * RIM] = sums / cosines.sum()
         if grade and seen.shape[2] > SIDES[-1]:
             seen = (seen[:, :, ::2] + seen[:, :, 1::2]) / 2
             seen = (seen[:, :, :, ::2] + seen[:, :, :, 1::2]) / 2
-    return np.concatenate(list(np.concatenate(rows, axis=1)), axis=1)
+    return pictures
 
 
 def looked_up(seen: NDArray[Any], rays: Floats) -> NDArray[np.float32]:

@@ -17,7 +17,7 @@ from evenlight.stimuli.scenes.engine.graphics import KNEE, PEAK
 from evenlight.stimuli.scenes.engine.light.bake import charts_of, light_picture
 from evenlight.stimuli.scenes.engine.light.bake_lights import sky_picture
 from evenlight.stimuli.scenes.engine.material_textures import SIZE, MaterialTextures, material_textures
-from evenlight.stimuli.scenes.engine.reflections import LAYOUT_OF_PICTURES, reflections, shine_of
+from evenlight.stimuli.scenes.engine.reflections import TEXEL, lobes_of, reflections, shine_of
 from evenlight.stimuli.scenes.engine.scene import Floats, Quality, Scene
 from evenlight.stimuli.scenes.engine.texture_arrays import UNITS, TextureArrays, detail_texture
 from evenlight.stimuli.scenes.engine.vertices import (
@@ -47,6 +47,7 @@ BRIGHTEST = 150.0  # [cd/m^2] brighter light is drawn like this: a display shows
 # the edges of lamps could not be smoothed
 FINEST = 16.0  # of anisotropic filtering by the graphics card
 SHADOW_SIZE = 4096  # [texels] of the sun's picture
+PARTS = 8  # from near to far, in each of which what has one shader and textures of one kind is drawn at once
 # Texture units, as those of `texture_arrays`.
 LIGHT, SHADOW, MATERIALS, DETAIL, AROUND, ROOMS = 1, 2, 3, 4, 6, 7
 
@@ -140,18 +141,9 @@ class SceneRenderer:
 
 
 class GraphicsScene:
-    """Draws a scene into the framebuffer that is bound.
+    """Draws a scene, in light of some quality, into the framebuffer that is bound.
 
-    Parameters
-    ----------
-    context : moderngl.Context
-        Where.
-    scene : Scene
-        What.
-    quality : Quality or None
-        Of its light.
-    samples : int
-        That the graphics card takes at each place where something is drawn.
+    `samples` are those that the graphics card takes at each place where something is drawn.
     """
 
     def __init__(
@@ -179,7 +171,8 @@ class GraphicsScene:
         }  # fmt: skip
         self._sky_program = context.program(vertex_shader=shader("sky_vertex"), fragment_shader=shader("sky"))
         self._sky_whole = context.vertex_array(self._sky_program, [])
-        self._around = self._rooms = context.texture((1, 1), 3, bytes(12), dtype="f4")
+        self._around = context.texture_array((1, 1, 1), 3, bytes(12), dtype="f4")
+        self._rooms = context.texture((1, 1), 3, bytes(12), dtype="f4")
         self._cast_shadows()
         self._hiding = self._depth_only(self._walls)
         self._small: moderngl.Framebuffer | None = None
@@ -207,7 +200,7 @@ class GraphicsScene:
             )
             for kind in (SOLID, HOLED, BLENDED)
         )
-        self._write(solid, holed, blended[::-1])
+        self._write(solid, holed, blended[::-1], parts=PARTS)
 
     def _sample_as(self, antialiasing: Antialiasing) -> None:
         for surface in self._surfaces.values():
@@ -278,11 +271,11 @@ class GraphicsScene:
         chosen = in_view(self._blocks, matrix)
         return not_hidden(self._blocks, chosen, matrix, depth.reshape(height, width))
 
-    def _write(self, *chosen: NDArray[np.int64]) -> None:
+    def _write(self, *chosen: NDArray[np.int64], parts: int = 1) -> None:
         """Write the patches of each kind, in the order in which they are drawn."""
         self._runs, written, first = list[tuple[int, int, int, int]](), list[NDArray[np.uint32]](), 0
         for kind, patches in enumerate(chosen):
-            for array, run in self._textures.runs(patches, sort=kind != BLENDED):
+            for array, run in self._textures.runs(patches, 0 if kind == BLENDED else parts):
                 written.append(self._faces.indices(run))
                 self._runs.append((kind, array, first, len(written[-1])))
                 first += len(written[-1])
@@ -316,9 +309,9 @@ class GraphicsScene:
         self._textures = TextureArrays(context, scene, textures, 1.0 if self._samples == 1 else FINEST)
         self._detail, detail = detail_texture(context, scene)
         gloss, metal = ([[getattr(m, name)] for m in scene.materials] for name in ("gloss", "metal"))
-        columns = textures.scale, gloss, detail, self._textures.layers, metal
+        columns = textures.scale, gloss, detail, self._textures.layers, metal, lobes_of(gloss)
         table = np.concatenate(columns, axis=1).astype("f4")
-        self._materials = context.texture((2, len(table)), 4, table.tobytes(), dtype="f4")
+        self._materials = context.texture((3, len(table)), 4, table.tobytes(), dtype="f4")
         self._materials.filter = graphics.NEAREST, graphics.NEAREST
         height, width = light.shape[:2]
         four = np.ones((height, width, 4), dtype="f2")
@@ -338,7 +331,7 @@ class GraphicsScene:
         surface = self._context.vertex_array(program, [(self._vertices, LAYOUT, *ATTRIBUTES)], self._indices)
         set_uniforms(
             surface, brightest=BRIGHTEST, light=LIGHT, shadow=SHADOW, materials=MATERIALS, detail=DETAIL,
-            around=AROUND, rooms=ROOMS, **UNITS, **LAYOUT_OF_PICTURES,
+            around=AROUND, rooms=ROOMS, texel=TEXEL, roughest=lobes_of([[0.0]])[0, :2], **UNITS,
         )  # fmt: skip
         return surface
 

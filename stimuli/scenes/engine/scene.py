@@ -115,6 +115,12 @@ class Patches:
     def __len__(self) -> int:
         return len(self.origin)
 
+    @property
+    def corners(self) -> Floats:
+        """The origin and the ends of the two edges, (n, 3, 3) [m]."""
+        edges = np.stack([np.zeros_like(self.along), self.along, self.across], axis=1)
+        return np.asarray(self.origin[:, None] + edges)
+
 
 @dataclass(frozen=True, slots=True)
 class Sun:

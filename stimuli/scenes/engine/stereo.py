@@ -23,19 +23,7 @@ if TYPE_CHECKING:
 
 
 class WholeScene(GraphicsScene):
-    """A scene of which everything is drawn: what is solid first, what has holes last.
-
-    Parameters
-    ----------
-    context : moderngl.Context
-        Where.
-    scene : Scene
-        What.
-    quality : Quality or None
-        Of its light.
-    samples : int
-        That the graphics card takes at each place where something is drawn.
-    """
+    """A scene of which everything is drawn: what is solid first, what others show through last."""
 
     def __init__(
         self, context: moderngl.Context, scene: Scene, quality: Quality | None, samples: int
@@ -55,18 +43,10 @@ class WholeScene(GraphicsScene):
 
 
 class StereoRenderer:
-    """Draws one scene into a picture for each view; nothing is uploaded or read back for a frame.
+    """Draws one scene into a picture for each view, of some widths and heights [pixels].
 
-    Parameters
-    ----------
-    context : moderngl.Context
-        Of a headset's link.
-    scene : Scene
-        What is drawn.
-    sizes : sequence of (int, int)
-        Width and height of each view's picture [pixels].
-    quality : Quality or None
-        Of its light.
+    Nothing is read back for a frame; where surfaces show others through, what is drawn is sorted anew for
+    each view, and uploaded.
 
     Attributes
     ----------

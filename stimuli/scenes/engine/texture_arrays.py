@@ -33,9 +33,7 @@ class TextureArrays:
         self, context: moderngl.Context, scene: Scene, textures: MaterialTextures, anisotropy: float
     ) -> None:
         self.layers = np.zeros((len(scene.materials), 1))  # of each material, in its array
-        self._arrays: list[
-            tuple[moderngl.Texture | moderngl.TextureArray, ...]
-        ] = []  # in the order of `UNITS`
+        self._arrays: list[tuple[moderngl.Texture | moderngl.TextureArray, ...]] = []  # as in `UNITS`
         array_of = np.zeros(len(scene.materials), dtype=np.int64)
         self.words: list[tuple[str, ...]] = []  # what the shader of each array has defined
         kinds: dict[tuple[tuple[str, ...], Sampling | None, Any, Any], list[int]] = {}
@@ -61,11 +59,15 @@ class TextureArrays:
         for texture, unit in zip(self._arrays[number], UNITS.values(), strict=False):  # some have no relief
             texture.use(unit)
 
-    def runs(self, patches: NDArray[np.int64], sort: bool) -> Iterator[tuple[int, NDArray[np.int64]]]:
-        """Yield patches in runs of one array, with its number: as they come, or sorted by it."""
+    def runs(self, patches: NDArray[np.int64], parts: int = 0) -> Iterator[tuple[int, NDArray[np.int64]]]:
+        """Yield patches in runs of one array, with its number: as they come, or in parts each sorted by it.
+
+        The first parts are the smaller ones: near surfaces, which hide much.
+        """
         number = self._array_of[patches]
-        if sort and len(self._arrays) > 1:
-            order = np.argsort(number, kind="stable")
+        if parts and len(self._arrays) > 1:
+            part = (parts * np.sqrt(np.arange(len(patches)) / max(len(patches), 1))).astype(int)
+            order = np.lexsort((number, part))
             patches, number = patches[order], number[order]
         for run in np.split(patches, np.flatnonzero(np.diff(number)) + 1):
             if len(run):

@@ -73,11 +73,10 @@ class Faces:
 
 def faces_of(patches: Patches) -> Faces:
     """Return where patches are."""
-    corners = np.stack([np.zeros_like(patches.origin), patches.along, patches.across], axis=1)
     normal = np.cross(patches.along, patches.across)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-12)  # some have no area
     planes = np.column_stack([normal, -(normal * patches.origin).sum(axis=1)])
-    return Faces(corners_of(corners + patches.origin[:, None]), planes, patches.triangle)
+    return Faces(corners_of(patches.corners), planes, patches.triangle)
 
 
 def vertices_of(scene: Scene, charts: Charts, faces: Faces) -> NDArray[np.void]:

@@ -61,14 +61,12 @@ def _mesh(scene: Scene, chosen: NDArray[np.bool_], name: str, image: Any) -> tri
     from trimesh.visual.material import PBRMaterial
 
     patches, whole = scene.patches, ~scene.patches.triangle[chosen]
-    along, across = patches.along[chosen], patches.across[chosen]
-    corners = patches.origin[chosen, None] + np.stack([np.zeros_like(along), along, across], axis=1)
     used = np.column_stack([*np.ones((3, len(whole)), dtype=np.bool_), whole])  # corners
     number = np.cumsum(used).reshape(-1, 4) - 1
     faces = np.stack([number[:, [0, 1, 2]], number[:, [1, 3, 2]]], axis=1)
     normals = corners_of(patches.normals[chosen])[used]
     return trimesh.Trimesh(
-        vertices=corners_of(corners)[used] @ UPRIGHT,
+        vertices=corners_of(patches.corners[chosen])[used] @ UPRIGHT,
         faces=faces[np.column_stack([np.ones_like(whole), whole])],
         vertex_normals=normals / np.linalg.norm(normals, axis=1, keepdims=True) @ UPRIGHT,
         vertex_attributes={

@@ -215,8 +215,7 @@ def _patches(
 
 
 def _check_size(file: GltfFile, patches: Patches) -> None:
-    corners = [patches.origin, patches.origin + patches.along, patches.origin + patches.across]
-    extent = np.ptp(np.concatenate(corners), axis=0)
+    extent = np.ptp(patches.corners, axis=(0, 1))
     if not SMALLEST <= extent.max() <= LARGEST:
         size = " x ".join(f"{side:.5g}" for side in extent)
         raise InputError(
@@ -317,14 +316,11 @@ def _unit_normals(given: Floats, sides: Floats) -> Floats:
 
 def joined(patches: Patches) -> Patches:
     """Return triangles, each from its widest corner, where two in a row that form a parallelogram are one."""
-    corners = patches.origin[:, None] + np.stack(
-        [np.zeros_like(patches.along), patches.along, patches.across], axis=1
-    )
     if not len(patches):
         return patches
     assert patches.shades is not None
     fits = np.ones(len(patches) - 1, dtype=np.bool_)
-    each = (corners, FLAT), (patches.normals, FACETED), (patches.uvs, FLAT), (patches.shades, FLAT)
+    each = (patches.corners, FLAT), (patches.normals, FACETED), (patches.uvs, FLAT), (patches.shades, FLAT)
     for values, limit in each:
         a, b = values[:-1], values[1:]
         # Both sides of the longest edge, which they share; and the corner that is across from it.

@@ -12,9 +12,7 @@ from evenlight.stimuli.scenes.engine.camera import NEAR
 from evenlight.stimuli.scenes.engine.camera_path import CameraPath
 from evenlight.stimuli.scenes.engine.scene import Difference, Floats, Sampling, Scene
 
-MOST_TEXELS = (
-    1 << 27
-)  # of all images of a scene: 512 MiB (with normal maps 768), and a third more for smaller copies
+MOST_TEXELS = 1 << 27  # of all images of a scene: 512 MiB (768 with normal maps), a third more for copies
 LARGEST_SIDE = 8192  # [texels] that all graphics cards take
 
 
@@ -35,11 +33,8 @@ def with_images_that_fit(scene: Scene, path: CameraPath) -> Scene:
         sizes[k], finest[k] = np.maximum(sizes[k] // 2, 1), finest[k] / 2
     materials, unlike = list(scene.materials), list(scene.unlike)
     for k in np.flatnonzero((sizes != given).any(axis=1)):
-        (w, h), own, relief = (
-            sizes[k].tolist(),
-            materials[k].sampling or Sampling((1, 1)),
-            materials[k].relief,
-        )
+        (w, h), relief = sizes[k].tolist(), materials[k].relief
+        own = materials[k].sampling or Sampling((1, 1))
         smaller = replace(own, size=(min(own.size[0], w), min(own.size[1], h)))
         if relief is not None:
             relief = _smaller(relief, (min(relief.shape[1], w), min(relief.shape[0], h)))

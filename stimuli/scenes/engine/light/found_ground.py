@@ -84,8 +84,7 @@ def found_ground(scene: Scene, eyes: Sequence[Vector] = ()) -> FoundGround:
     from scipy.sparse.csgraph import connected_components
 
     patches = scene.patches
-    corners = [patches.origin, patches.origin + patches.along, patches.origin + patches.across]
-    low, high = np.min(corners, axis=(0, 1)), np.max(corners, axis=(0, 1))
+    low, high = patches.corners.min(axis=(0, 1)), patches.corners.max(axis=(0, 1))
     inside = (eye[:2] for eye in eyes if (low[:2] <= eye[:2]).all() and (eye[:2] <= high[:2]).all())
     around = np.array(next(inside, (low + high)[:2] / 2))
     # Walls often stand at round numbers; columns do not.
@@ -100,7 +99,7 @@ def found_ground(scene: Scene, eyes: Sequence[Vector] = ()) -> FoundGround:
     beside = whole[links[:, :2], 2:] & whole[links[:, 2:], :2]  # which tells of the end of a thin wall
     free = whole.all(axis=1) & beside.all(axis=(1, 2))
     for _ in range(KEPT_AWAY - 1):
-        free = _within(free, links)
+        free = free & free[links].all(axis=1)
     if not free.any():
         raise InputError(
             f"{scene.name}: found no floor to walk on: need one that faces up, level, with {HEADROOM:g} m of "
@@ -129,10 +128,6 @@ def found_ground(scene: Scene, eyes: Sequence[Vector] = ()) -> FoundGround:
     place = np.array(np.unravel_index(column[k], first.shape))
     x, y = (corner + (place + 0.5) * CELL).tolist()
     return replace(ground, walkable=free & mine, middle=(x, y, float(height[k])))
-
-
-def _within(free: NDArray[np.bool_], links: NDArray[np.int64]) -> NDArray[np.bool_]:
-    return np.asarray(free & (links >= 0).all(axis=1) & free[links].all(axis=1))
 
 
 @compiled_loop(error_model="numpy")
