@@ -29,7 +29,7 @@ SHORTEST = 0.05  # [s] between two settings: below 0.2 % of a picture's light, b
 HALF_A_STEP = 0.51  # of the backlight's steps: from here on somebody else has set it,
 AS_SET = 1e-4  # of a factor; or from here, where the widest of its steps is more than that
 ROUNDING = 1e-6  # of a step
-FINE = 2001  # factors that are looked at: so far apart that nobody sees it
+WAY = np.linspace(0.0, 1.0, 2001)  # to full, in steps that nobody sees
 SAME = 0.006, 0.05  # of full, and of where it stands: desktops set back whole percentages
 # A device goes to its nearest step, which is no further than its widest one if so much less is asked for.
 ALMOST_HALF, MARGIN = 0.49, 0.02
@@ -88,7 +88,8 @@ class MonitorDimmer:
         self.ceiling = self.set_to = self.backlight.read_factor()
         self._changed, self._before = self.clock(), self.white
         self._of_any = limit_of_any_picture(self.rate_limit, self.white)
-        self._loss = np.zeros(len(self.knots))
+        self._loss, self._goal = np.zeros(len(self.knots)), self.ceiling
+        self._asked: tuple[object, ...] = (None,) * 6  # of which that is the goal
         self._floor = 0.0  # set by a user who found full backlight dimmed too far
         # Where it stood when somebody lowered it, with what was the ceiling and the floor.
         self._lowered: list[tuple[float, float, float]] = []
@@ -109,15 +110,21 @@ class MonitorDimmer:
     @property
     def goal(self) -> float:
         """Where the backlight is wanted: at the lowest factor that loses no more than the target."""
+        asked = self._loss, self.ceiling, self._floor, self.target_loss, self.resting, self.film
+        if any(now is not before for now, before in zip(asked, self._asked, strict=True)):
+            self._asked, self._goal = asked, self._wanted()
+        return self._goal
+
+    def _wanted(self) -> float:
         if self.resting or not self.ceiling > 0:
             return self.ceiling
         lowest = max(self.lowest * self.ceiling, self._floor, self.backlight.smallest_factor())
         lowest = min(lowest, self.ceiling)
         if self.film is not None:
             return max(self.film.factor * self.ceiling, lowest)
-        factors = np.linspace(lowest, self.ceiling, FINE)
+        factors = lowest + (self.ceiling - lowest) * WAY
         above = np.flatnonzero(self.loss_at(factors / self.ceiling) > self.target_loss)
-        return float(factors[min(above[-1] + 1, FINE - 1)]) if len(above) else lowest
+        return float(factors[min(above[-1] + 1, len(WAY) - 1)]) if len(above) else lowest
 
     @property
     def reached(self) -> bool:
