@@ -35,6 +35,7 @@ from evenlight.method.optimizer.evaluate import (
     RunRecord,
     SolverAnswer,
     limit_without_allowances,
+    no_worse_than_constant,
     summarize,
     track_of,
 )
@@ -101,7 +102,7 @@ def _optimize_curves(
             solved = time.perf_counter()
         else:
             solution = optimize_problem(problem, solver)
-            factors = calmed(problem, solution.factors, job.calm)
+            factors = no_worse_than_constant(problem, calmed(problem, solution.factors, job.calm))
             solved = time.perf_counter()
             progress.step(f"lower bound of {whole.video}")
             bound = lower_bound(problem, solution)

@@ -52,6 +52,16 @@ class SolverAnswer:
     by_measure: tuple[MinimizedOutcome, ...] = ()  # each of them
 
 
+def no_worse_than_constant(problem: Problem, factors: Array) -> Array:
+    """Return a track's factors, or those of constant dimming if its losses, as published, are better.
+
+    A solver knows curves between knots by straight lines: where little can be gained, that may mislead it.
+    """
+    baseline = problem.baseline()
+    ours, constant = (problem.value(loss_at(problem.curves, b)) for b in (factors, baseline))
+    return factors if ours <= constant else baseline
+
+
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:
     """Return the track of the given factors, every column computed from them.
 

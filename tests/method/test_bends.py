@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from benchmarks.optimizer_problems import mean_factor_problem
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.frame import Frame
@@ -17,7 +18,9 @@ from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.curve_lookup import loss_and_slope, loss_at
 from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.contrast.luminance import dimmed_luminance, emitted_luminance
+from evenlight.method.optimizer.evaluate import no_worse_than_constant
 from evenlight.method.optimizer.optimize import joined_curves
+from evenlight.method.optimizer.splitting import SplittingSolver
 
 LAB = Display("lab", 100.0, 0.1, 2.2, pixels_per_degree=30.0)
 FACTORS = np.random.default_rng(0).uniform(0.25, 1, 20)
@@ -109,3 +112,15 @@ def test_damaged_bends_are_told(name, values, message, tmp_path):
     np.savez(tmp_path / "c.npz", **{key: array for key, array in arrays.items() if array is not None})
     with pytest.raises(InputError, match=message):
         read_loss_curves(tmp_path / "c.npz")
+
+
+def test_a_track_that_is_worse_than_constant_dimming_by_the_bends_is_not_given():
+    """Two frames alike by their bends lose the same at any common factor, whatever their knots say."""
+    curves = curves_of([GRATINGS[0], GRATINGS[0] * 0.8])
+    alike = LossBends(np.array([0, 0]), np.array([0, 2]), np.array([0.2, 1.0]), np.array([0.5, 0.0]))
+    for bends, kept in ((None, True), (alike, False)):
+        problem = mean_factor_problem(replace(curves, bends=bends), 0.5)
+        factors = SplittingSolver().solve(problem).factors
+        assert problem.objective(factors) < problem.objective(problem.baseline())
+        chosen = no_worse_than_constant(problem, factors)
+        assert np.array_equal(chosen, factors if kept else problem.baseline())
