@@ -9,9 +9,10 @@ from __future__ import annotations
 import errno
 import os
 import shutil
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 from filelock import FileLock, Timeout
 
@@ -24,8 +25,8 @@ EARLIER = ".earlier.{}"  # what is replaced, in the moment between two renames
 ON_THE_WAY = tuple(name.format("") for name in (LOCKED, PARTIAL, EARLIER))  # as such names begin
 
 
-def write_whole(path: Path, content: bytes | str | Iterable[bytes]) -> None:
-    """Write a file, given whole or in parts, so that it is there completely or not at all, whatever happens.
+def write_whole(path: Path, content: bytes | str | Iterable[bytes] | Callable[[BinaryIO], None]) -> None:
+    """Write a file, given whole, in parts or by what writes it, so that it is there completely or not at all.
 
     Characters that are none (from file names in another encoding) are written as escapes.
 
@@ -36,11 +37,14 @@ def write_whole(path: Path, content: bytes | str | Iterable[bytes]) -> None:
     """
     if isinstance(content, str):
         content = content.encode(errors="backslashreplace")
-    parts = [content] if isinstance(content, bytes) else content
     with _told_of(path), written_whole(path) as partial:
         handle = os.open(partial, os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_BINARY", 0), 0o666)
         try:
-            for part in parts:
+            if callable(content):
+                with os.fdopen(handle, "wb", closefd=False) as file:
+                    content(file)
+                content = ()
+            for part in [content] if isinstance(content, bytes) else content:
                 left = memoryview(part)
                 while left:  # a disk may take some of it: the next attempt says why it takes no more
                     left = left[os.write(handle, left) :]

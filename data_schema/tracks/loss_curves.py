@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import tokenize
 import zipfile
@@ -152,9 +151,8 @@ def write_loss_curves(path: Path, curves: LossCurves) -> None:
     arrays = {name: getattr(curves, name) for name in ARRAY_SHAPES}
     if curves.bends is not None:
         arrays |= {BENDS + name: getattr(curves.bends, name) for name in LossBends.__slots__}
-    stream = io.BytesIO()
-    np.savez_compressed(stream, header=np.array(json.dumps(header)), **arrays)
-    write_whole(path, stream.getvalue())
+    described_by = np.array(json.dumps(header))
+    write_whole(path, lambda file: np.savez_compressed(file, header=described_by, **arrays))
 
 
 def read_loss_curves(path: Path) -> LossCurves:
