@@ -139,6 +139,7 @@ def _made(video: CatalogueVideo, force: bool, figures: FiguresAsked) -> tuple[Ca
             write_json_record(fresh / RESULT, replace(known, video_state=state))
         return replace(known.row, name=video.name, video=video.shown), False
     job = replace(asked.job(source, *posed), quiet=True, price=True)
+    job = replace(job, effort=replace(job.effort, jobs=job.effort.jobs or 1))  # others have the other cores
     if job.curves is None and known is not None and known.curves_key == curves_key:
         job = replace(job, curves=video.folder / LOSS_CURVES)
     written = result_folder(video.folder, "catalogue", force=force, wait=LONGEST_WAIT)
