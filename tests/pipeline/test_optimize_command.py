@@ -5,6 +5,7 @@ import pytest
 from optimized_videos import limit_file, optimized, refused, texture, video
 
 from evenlight.data_schema.tracks.loss_curves import read_loss_curves
+from evenlight.method.contrast.curve_lookup import loss_and_slope
 from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.preset_files import load_display
 from evenlight.stimuli.sequences import open_video
@@ -108,7 +109,9 @@ def test_a_limit_so_loose_that_it_never_binds_equalizes_the_loss(command, tmp_pa
     track, summary = optimized(command, tmp_path, clip, 0.6, "--rate-limit", loose)
     assert summary["max_rate_ratio"] < 0.01
     inside = (track.factors > 0.2 + 1e-6) & (track.factors < 1 - 1e-6)
-    assert np.ptp(track.contrast_loss[inside]) < 1e-3
+    # By the curves as the solver has them, straight between knots; those of so few pixels are stairs.
+    solved, _ = loss_and_slope(read_loss_curves(tmp_path / "out" / "loss_curves.npz"), track.factors)
+    assert np.ptp(solved[inside]) < 1e-3
     assert summary["objective"] < 0.2 * summary["objective_baseline"]
 
 
