@@ -34,13 +34,19 @@ def slower_rows(page: str, stored: str) -> list[str]:
     now, then, same = dict(_rows(page)), dict(_rows(stored)), _machine(page) == _machine(stored)
     both = {key: np.divide(now[key], then[key])[0 if same else 1] for key in now if key in then}
     pairs = {key: ratio for key, ratio in both.items() if ratio > 0}
+    if not pairs:
+        raise InputError("the stored page has no row that can be compared with these; make it anew")
     found = [f"{': '.join(key)}: {ratio:.2f} times" for key, ratio in pairs.items() if ratio > SLOWER]
     what = "times, on the same machine" if same else "ratios to FFmpeg's decoding, on another machine"
-    return [f"compared {len(pairs)} {what}; {len(found)} more than 15 % above the stored", *found]
+    return [
+        f"compared {len(pairs)} of {len(then)} {what}; {len(found)} more than 15 % above the stored",
+        *found,
+    ]
 
 
 def _machine(page: str) -> list[str]:
-    return re.findall("^Machine: .*", page, re.MULTILINE)
+    lines: list[str] = re.findall("^Machine: .*", page, re.MULTILINE)
+    return [re.sub("system: .*?;", "", line) for line in lines]  # whatever its kernel
 
 
 def _rows(page: str) -> Iterator[tuple[tuple[str, ...], Row]]:

@@ -38,7 +38,7 @@ def loss_curves(
     field_of_view: float | None = None,
     actuator: Actuator | str | None = None,
     min_factor: float = 0.2,
-    jobs: int = 1,
+    jobs: int = 0,
 ) -> LossCurves:
     """Return the contrast loss of every frame of a video at every brightness factor, for several budgets.
 

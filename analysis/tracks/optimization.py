@@ -102,7 +102,8 @@ def _optimize_curves(
             solved = time.perf_counter()
         else:
             solution = optimize_problem(problem, solver)
-            factors = no_worse_than_constant(problem, calmed(problem, solution.factors, job.calm))
+            calm = calmed(problem, solution.factors, job.calm)
+            factors = no_worse_than_constant(problem, calm, solution.factors)
             solved = time.perf_counter()
             progress.step(f"lower bound of {whole.video}")
             bound = lower_bound(problem, solution)

@@ -15,6 +15,7 @@ from evenlight.analysis.tracks.track_figure import clipped
 from evenlight.data_schema.analysis_results import Origin
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.detectability import share_noticed
 from evenlight.method.one_blas_thread import one_blas_thread
 from evenlight.method.optimizer.calm import calmed
@@ -48,8 +49,8 @@ def price_figure(job: OptimizationJob, clips: Sequence[LossCurves], summary: Opt
         request = replace(job.request, noticed=share)
         problem = pose(whole, request, joints(clips))
         factors = calmed(problem, optimize(problem, solver).factors, job.calm)
-        ends = problem.objective(factors), problem.objective(problem.baseline())
-        found.append((share, *ends, watched_track(problem, request, factors)))
+        ours, constant = (problem.value(loss_at(whole, b)) for b in (factors, problem.baseline()))
+        found.append((share, ours, constant, watched_track(problem, request, factors)))
     own = job.request.noticed or float(share_noticed(1.0, job.request.rate_limit))
     ends = (done.value, done.baseline) if done else (summary.objective, summary.objective_baseline)
     found.append((own, *ends, summary.watched))

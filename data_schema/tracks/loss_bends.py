@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from evenlight.data_schema.arrays import Array, Integers
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class LossBends:
     """Points of the loss curves of N frames, each linear between its own; frames that are alike share theirs.
 

@@ -137,8 +137,8 @@ class OptimizationSummary:
     objective_baseline: float = quantity("1", "the same for constant dimming at equal power", minimum=0.0)
     lower_bound: float = quantity(
         "1",
-        "no track within the limits has a smaller objective; 0 for one of several clips, and where losses "
-        "themselves are minimized (see minimized)",
+        "no track within the limits has a smaller objective by curves straight between knots; 0 for one of "
+        "several clips, and where losses themselves are minimized (see minimized)",
         minimum=0.0,
     )
     max_rate_ratio: float = quantity(

@@ -52,14 +52,14 @@ class SolverAnswer:
     by_measure: tuple[MinimizedOutcome, ...] = ()  # each of them
 
 
-def no_worse_than_constant(problem: Problem, factors: Array) -> Array:
-    """Return a track's factors, or those of constant dimming if its losses, as published, are better.
+def no_worse_than_constant(problem: Problem, *tracks: Array) -> Array:
+    """Return the first track that is no worse than constant dimming by its published losses, or the latter.
 
     A solver knows curves between knots by straight lines: where little can be gained, that may mislead it.
     """
-    baseline = problem.baseline()
-    ours, constant = (problem.value(loss_at(problem.curves, b)) for b in (factors, baseline))
-    return factors if ours <= constant else baseline
+    constant = problem.value(loss_at(problem.curves, problem.baseline()))
+    good = (track for track in tracks if problem.value(loss_at(problem.curves, track)) <= constant)
+    return next(good, problem.baseline())
 
 
 def track_of(problem: Problem, request: Request, factors: Array, header: TrackHeader) -> BrightnessTrack:

@@ -18,6 +18,7 @@ import numpy as np
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.tracks.optimization_summary import MinimizedOutcome
+from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.optimizer.lower_bound import (
     ROUNDING_OF_LOSS,
     bound_of_costs,
@@ -87,15 +88,15 @@ class Measures:
 
         The bounds are those of `optimize_robustly`, the factors its own or calmer ones.
         """
-        constant, found = self.problems[0].baseline(), []
+        baseline, found = self.problems[0].baseline(), []
         for name, problem, own in zip(names, self.problems, bounds, strict=True):
-            ours = problem.objective(factors)
-            checked = checked_bound(own, ours)
-            found.append(MinimizedOutcome(name, ours, problem.objective(constant), checked))
-        worst = self.worst(factors)
-        bound = checked_bound(bound, worst, ROUNDING_OF_LOSS / float(self.baselines().min()))
+            ours, constant = (problem.value(loss_at(problem.curves, b)) for b in (factors, baseline))
+            checked = checked_bound(own, problem.objective(factors))
+            found.append(MinimizedOutcome(name, ours, constant, min(checked, ours)))
+        bound = checked_bound(bound, self.worst(factors), ROUNDING_OF_LOSS / float(self.baselines().min()))
+        worst = max(one.value / max(one.baseline, LEAST_BASELINE) for one in found)
         name = f"worst of {', '.join(names)}"
-        return MinimizedOutcome(name, worst, self.worst(constant), bound), tuple(found)
+        return MinimizedOutcome(name, worst, self.worst(baseline), min(bound, worst)), tuple(found)
 
 
 def optimize_robustly(measures: Measures, solver: Solver) -> tuple[Solution, float, tuple[float, ...]]:
