@@ -16,7 +16,7 @@ NO_BENDS = np.empty((0, 2))
 def bends_of(factors: Array, loss: Array, tolerance: float = TOLERANCE) -> Array:
     """Return points of a curve, (M, 2), between which straight lines come within a tolerance of all others.
 
-    Each line goes as far as one can (Reumann & Witkam's cone, from a point of the curve to another).
+    Each line goes as far as one can (the cones of Sklansky & Gonzalez 1980, Pattern Recognition 12:327).
 
     Parameters
     ----------
