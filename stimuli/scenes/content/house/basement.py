@@ -66,12 +66,12 @@ def _lamps(model: SceneModel) -> None:
     ):
         with model.at((x, y, plan.CELLAR_CEILING - 0.14), turn):
             tube_lamp(model, 1.25, stuff.PAINT, luminance)
-    for x, y, luminance in ((2.3, 1.75, 5600.0), (3.0, 4.9, 4800.0)):
+    for x, y, luminance in ((2.3, 1.75, 6450.0), (3.0, 4.9, 5850.0)):
         with model.at((x, y, plan.CELLAR_CEILING)):
             bare_bulb(model, 0.2, stuff.PAINT, luminance)
     with model.at((4.6, 7.61, 1.1)):
         model.cylinder((0, 0, 0), (0, 0.09, 0), 0.05, stuff.STEEL, tint=(0.2, 0.2, 0.2))
-        globe(model, 0.065, 1000.0)
+        globe(model, 0.065, 1520.0)
 
 
 def _workshop(model: SceneModel) -> None:

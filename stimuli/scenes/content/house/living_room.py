@@ -206,7 +206,7 @@ def hall(model: SceneModel) -> None:
         with model.at((x, 5.88, plan.CEILING)):
             model.cylinder((0, 0, -0.05), (0, 0, 0), 0.13, stuff.STEEL, segments=20, tint=(0.6, 0.5, 0.3))
             with model.at((0.0, 0.0, -0.16)):
-                globe(model, 0.13, 700.0, (1.0, 0.86, 0.68))
+                globe(model, 0.13, 800.0, (1.0, 0.86, 0.68))
 
 
 def _coats(model: SceneModel) -> None:

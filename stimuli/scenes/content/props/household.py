@@ -194,13 +194,13 @@ def garment(
         model.cylinder(
             (side * wide * 0.5, -0.09, -0.62),
             (side * wide * 0.34, -0.06, -0.09),
-            (0.05, 0.065),
+            (0.05, 0.058),
             cloth,
             segments=8,
             caps=False,
             tint=[0.9 * t for t in tint],
         )
-        shoulder, radii = (side * wide * 0.34, -0.06, -0.095), (0.067, 0.067, 0.05)
+        shoulder, radii = (side * wide * 0.34, -0.06, -0.095), (0.063, 0.063, 0.055)
         model.sphere(shoulder, radii, cloth, segments=10, tint=[0.9 * t for t in tint])
 
 

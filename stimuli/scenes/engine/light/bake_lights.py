@@ -45,7 +45,7 @@ def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
         To which it is added.
     """
     stack, guesses = np.empty((2, DEPTH)), np.full(len(lamps[0]), -1)
-    sizes = _sizes(lamps[1], lamps[2])
+    sizes = _sizes(lamps[1], lamps[2], lamps[4])
     for i in range(begin, end):
         px, py, pz = place[i]
         nx, ny, nz = normal[i]
@@ -53,7 +53,7 @@ def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
             x, y, z = lamps[0][m, 0] - px, lamps[0][m, 1] - py, lamps[0][m, 2] - pz
             ax, ay, az = lamps[1][m]
             bx, by, bz = lamps[2][m]
-            wide, high = sizes[m]
+            wide, high, area = sizes[m]
             # Nothing comes from the back of a lamp, nor from below the surface.
             below = x * lamps[3][m, 0] + y * lamps[3][m, 1] + z * lamps[3][m, 2] >= 0
             up, along, across = (
@@ -65,7 +65,6 @@ def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
             if lamps[5][m] == own[i] or below or (highest <= 0 and not both[i]):
                 continue
             mx, my, mz = x + 0.5 * (ax + bx), y + 0.5 * (ay + by), z + 0.5 * (az + bz)
-            area = wide * high * (0.5 if lamps[4][m] else 1.0)
             distance = math.sqrt(mx * mx + my * my + mz * mz)
             reach = max(distance - 0.5 * (wide + high), 0.05)
             bright = max(lamps[6][m, 0], lamps[6][m, 1], lamps[6][m, 2])
@@ -84,11 +83,13 @@ def from_lamps(begin, end, tree, lamps, place, normal, own, both, light):
 
 
 @compiled_loop(error_model="numpy")
-def _sizes(along, across):
-    """Return the lengths of edges, (n, 2)."""
-    sizes = np.empty((len(along), 2))
+def _sizes(along, across, triangle):
+    """Return the lengths of the edges of pieces, and their areas, (n, 3)."""
+    sizes = np.empty((len(along), 3))
     for m in range(len(along)):
         sizes[m, 0], sizes[m, 1] = math.sqrt((along[m] ** 2).sum()), math.sqrt((across[m] ** 2).sum())
+        whole = math.sqrt((np.cross(along[m], across[m]) ** 2).sum())
+        sizes[m, 2] = 0.5 * whole if triangle[m] else whole
     return sizes
 
 
