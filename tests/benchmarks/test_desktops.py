@@ -85,6 +85,11 @@ class Desk:
             self.light.append([now, float(EMITTED.luminance(np.ascontiguousarray(pixels)).mean())])
             time.sleep(0.1)
 
+    def written(self) -> int:
+        """Return how many bytes the program has written so far, to whatever (Linux)."""
+        words = Path(f"/proc/{self.program.pid}/io").read_text().split()
+        return int(words[words.index("wchar:") + 1])
+
     def end(self) -> float:
         """End the program; return how far the panel is then from full, by the keys alone, as a share."""
         self.program.terminate()
@@ -141,6 +146,7 @@ def test_no_change_is_faster_than_the_limit_and_keys_are_kept(
                 while not desk.state.exists():
                     assert desk.program.poll() is None, desk.said.read_text()
                     time.sleep(0.1)
+                begun = desk.written()
                 for _ in range(actions):
                     desk.watch(grabber, rng.exponential(apart))
                     match rng.choice(["open", "close", "seek", "key", "key"]):
@@ -153,6 +159,7 @@ def test_no_change_is_faster_than_the_limit_and_keys_are_kept(
                         case _:
                             seek(float(rng.uniform()))
                 desk.watch(grabber, 3.0)  # its state is told every two seconds
+            written = desk.written() - begun - desk.log.stat().st_size
             rates, (lost, looks, late) = desk.rates(), desk.kept()
             left = desk.end()
         finally:
@@ -166,6 +173,7 @@ def test_no_change_is_faster_than_the_limit_and_keys_are_kept(
           f"to setting {window.round()} us (median, 99 %, most); {left:.2%} off at the end")  # fmt: skip
     assert rates.max() <= 1.0
     assert (lost, looks) <= (0, 1)
+    assert written < 2000 * actions * apart + 20_000  # its state, and what it asks the X server: no picture
     if actions < 100:  # among more keys, some go back by chance to where one lowered it, as a desktop does
         assert left <= 0.01
 
