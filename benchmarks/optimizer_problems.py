@@ -92,8 +92,8 @@ def rendered_curves(name: str, seconds: float, knots: int) -> LossCurves:
 def some_frames(curves: LossCurves, frames: NDArray[np.int64]) -> LossCurves:
     """Return some frames of a video, each shown until the next one of them."""
     arrays = {n: getattr(curves, n)[frames] for n, shape in ARRAY_SHAPES.items() if shape[0] == "N"}
-    end = curves.times[-1] + curves.durations[-1]
-    return replace(curves, **{**arrays, "durations": np.diff(np.append(arrays["times"], end))})
+    arrays["durations"] = np.diff(arrays["times"], append=curves.times[-1] + curves.durations[-1])
+    return replace(curves, **arrays, bends=None)
 
 
 def some_knots(curves: LossCurves, every: int) -> LossCurves:

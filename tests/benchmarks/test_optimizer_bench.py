@@ -12,12 +12,15 @@ from benchmarks.optimizer_lengths import (
     target_points,
 )
 from benchmarks.optimizer_peers import Family, _family_claim, _timed, best_of
-from benchmarks.optimizer_problems import odd_problems
+from benchmarks.optimizer_problems import odd_problems, some_frames
 from benchmarks.page import page
 from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import Times
+from evenlight.data_schema.frame import Frame
+from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.optimizer.optimize import Problem, optimize
 from evenlight.method.optimizer.splitting import SplittingSolver
+from evenlight.method.preset_files import load_display
 
 
 def test_peers_are_timed_in_turn_after_a_turn_that_does_not_count() -> None:
@@ -79,6 +82,15 @@ def test_ours_is_no_worse_than_slsqp_where_frames_have_weights_or_allowances_or_
         ours = optimize(problem, SplittingSolver()).factors
         assert problem.rate_ratio(ours) <= 1 + 1e-6
         assert problem.objective(ours) <= best_of(problem, 2, 1) + 1e-6 * base
+
+
+def test_of_some_frames_each_is_shown_until_the_next() -> None:
+    pixels = np.random.default_rng(2).integers(0, 256, (4, 16, 16, 3), np.uint8)
+    frames = [Frame(0.2 * k, 0.2, each) for k, each in enumerate(pixels)]
+    curves = analyze_frames(frames, "noise", load_display("varjo-xr3"))
+    some = some_frames(curves, np.array([0, 2]))
+    np.testing.assert_allclose(some.durations, 0.4)
+    np.testing.assert_array_equal(some.loss, curves.loss[[0, 2]])
 
 
 def timed_point(name: str, frames: int, seconds: float, processor: float) -> BenchmarkPoint:
