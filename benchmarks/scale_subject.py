@@ -187,7 +187,7 @@ def _of_curves(settings: RunSettings, sizes: ScaleSizes, folder: Path) -> tuple[
     given = folder / "curves"
     given.mkdir()
     rng, factors, frames = np.random.default_rng(settings.seed), brightness_factors(), 50
-    table = ["video"]
+    table = ["path"]
     for k in range(sizes.curves):
         strength = 0.05 + 0.1 * np.sin(np.arange(frames) / 9 + 7 * rng.random()) ** 2
         level = np.full(frames, 0.4)

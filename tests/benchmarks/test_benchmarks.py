@@ -32,6 +32,7 @@ from benchmarks.page import page
 from benchmarks.peak_memory import peak_memory
 from benchmarks.records import BenchmarkClaim, BenchmarkPoint, BenchmarkSummary, Role
 from benchmarks.results import measure_all
+from benchmarks.scale_subject import ScaleSizes, _of_curves
 from benchmarks.stopwatch import Times, timed_in_turn
 from evenlight.analysis.figure_style import look
 from evenlight.data_schema.errors import InputError
@@ -314,3 +315,11 @@ def test_every_codec_has_its_error_and_the_lossless_one_the_smallest(monkeypatch
     assert min(errors, key=lambda name: errors[name] or 0) == "FFV1, 10 bits, without loss"
     assert [p.role for p in measured.points].count(Role.DEFAULT) == 1
     assert measured.claims[0].measured == errors["FFV1, 10 bits, without loss"]
+
+
+@pytest.mark.slow
+def test_a_catalogue_of_loss_curves_is_timed_and_once_more_when_all_is_there(tmp_path: Path) -> None:
+    pytest.importorskip("distributed")
+    (first, again), _ = _of_curves(RunSettings(quick=True), ScaleSizes(1, 1, 1, 3), tmp_path)
+    assert (first.size, again.size) == (3, 3)
+    assert 0 < again.time < first.time
