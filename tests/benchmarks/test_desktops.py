@@ -86,8 +86,9 @@ class Desk:
             time.sleep(0.1)
 
     def written(self) -> int:
-        """Return how many bytes the program has written so far, to whatever (Linux)."""
-        words = Path(f"/proc/{self.program.pid}/io").read_text().split()
+        """Return how many bytes the program has written so far, to whatever; 0 where no system tells."""
+        told = Path(f"/proc/{self.program.pid}/io")  # Linux
+        words = told.read_text().split() if told.exists() else ["wchar:", "0"]
         return int(words[words.index("wchar:") + 1])
 
     def end(self) -> float:
