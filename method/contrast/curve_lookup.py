@@ -6,6 +6,7 @@ import numpy as np
 
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.tracks.loss_curves import LossCurves
+from evenlight.method.compiled_loop import compiled_loop
 
 
 def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
@@ -23,13 +24,21 @@ def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
     loss, slope : array, (N,)
         𝓛_c, and d𝓛_c/db of the segment (at a knot: of the one above it, at factor 1 of the last).
     """
-    knots = curves.factors
-    segment = np.clip(np.searchsorted(knots, factors, side="right") - 1, 0, len(knots) - 2)
-    frame = np.arange(len(factors))
-    below, above = curves.loss[frame, segment], curves.loss[frame, segment + 1]
-    slope = (above - below) / (knots[segment + 1] - knots[segment])
-    # Rounding may leave a loss of -1e-20 at factor 1.
-    return np.maximum(below + slope * (factors - knots[segment]), 0.0), slope
+    loss, slope = _on_segments(curves.factors, curves.loss, np.asarray(factors, dtype=np.float64))
+    return loss, slope
+
+
+@compiled_loop(error_model="numpy")
+def _on_segments(knots: Array, losses: Array, factors: Array) -> tuple[Array, Array]:
+    """See `loss_and_slope`."""
+    loss, slope = np.empty(len(factors)), np.empty(len(factors))
+    for i in range(len(factors)):
+        above = min(max(np.searchsorted(knots, factors[i], side="right"), 1), len(knots) - 1)
+        start, below = knots[above - 1], losses[i, above - 1]
+        slope[i] = (losses[i, above] - below) / (knots[above] - start)
+        # Rounding may leave a loss of -1e-20 at factor 1.
+        loss[i] = max(below + slope[i] * (factors[i] - start), 0.0)
+    return loss, slope
 
 
 def loss_at(curves: LossCurves, factors: Array) -> Array:

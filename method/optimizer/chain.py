@@ -81,13 +81,13 @@ class _Stack(NamedTuple):
     map: Array  # A, C, U, V, W
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _knot(stack: _Stack, index: int) -> tuple[float, float]:
     x0, mapping = stack.x[index], stack.map
     return mapping[_A] * x0 + mapping[_C], mapping[_U] * stack.d[index] + mapping[_V] * x0 + mapping[_W]
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _put(stack: _Stack, index: int, x: float, d: float) -> None:
     mapping = stack.map
     x0 = (x - mapping[_C]) / mapping[_A]
@@ -95,20 +95,20 @@ def _put(stack: _Stack, index: int, x: float, d: float) -> None:
     stack.d[index] = (d - mapping[_V] * x0 - mapping[_W]) / mapping[_U]
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _push(stack: _Stack, x: float, d: float) -> None:
     _put(stack, stack.ends[1], x, d)
     stack.ends[1] += 1
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _add_term(stack: _Stack, curvature: float, gradient: float) -> None:
     """Add a frame's term to the derivative: curvature · x + gradient."""
     stack.map[_V] += curvature * stack.map[_A]
     stack.map[_W] += curvature * stack.map[_C] + gradient
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _move(stack: _Stack, slope: float, offset: float) -> None:
     """Map all knots of a stack: x to slope·x + offset, and with it d to d / slope."""
     mapping = stack.map
@@ -125,7 +125,7 @@ def _move(stack: _Stack, slope: float, offset: float) -> None:
         mapping[:] = (1.0, 0.0, 1.0, 0.0, 0.0)
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _cut(near: _Stack, far: _Stack, wall: float, side: float) -> None:
     """Cut the domain at a wall: `side` is 1 for a wall on the near stack's outside left, -1 for right.
 
@@ -160,7 +160,7 @@ def _cut(near: _Stack, far: _Stack, wall: float, side: float) -> None:
     _push(far, wall, value)
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _balance(giver: _Stack, taker: _Stack, sign: float) -> None:
     """Move knots whose derivative has changed its sign over to the other stack."""
     while giver.ends[0] < giver.ends[1]:
@@ -171,7 +171,7 @@ def _balance(giver: _Stack, taker: _Stack, sign: float) -> None:
         _push(taker, x, d)
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _zero(left: _Stack, right: _Stack) -> float:
     """Return where the derivative is zero, or the end of the domain that is nearest to it."""
     if left.ends[0] == left.ends[1]:

@@ -34,8 +34,8 @@ CELLS = (129, 1025)  # at least and at most: most knots lie on so many
 CELLS_PER_STEP = 4  # as fine as that if so many are enough: else nothing could move on the grid
 BINS = (16, 512)  # of the budget, at least and at most
 LEVELS = 16  # losses common to all frames that are tried
-KEPT = 3  # of the tracks found for them
-ROUNDS = 12  # of improvement of each, at most
+KEPT = 2  # of the tracks found for them
+ROUNDS = 8  # of improvement of each, at most
 BAND_CELLS = 65
 WIDEST_BAND = 8  # cells of the whole grid to either side
 NARROWER = 3.0  # each band than the one before
@@ -276,7 +276,7 @@ def _cheapest(cost: Array, cells: GridCells, bins: BudgetBins) -> Integers:
     return _traced(before.cost[: bins.number[n - 1]], came)
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _windows(cells: GridCells, i: int) -> tuple[Integers, Integers]:
     """Return the first and the last cell of the frame before from which each cell of frame i may be reached.
 
@@ -304,7 +304,7 @@ def _windows(cells: GridCells, i: int) -> tuple[Integers, Integers]:
     return first, last
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", forceinline=True)
 def _extend(before: CostToReach, place: int, choice: GridStep, after: CostToReach, came: Origins) -> None:
     """Extend the ways of one bin by a frame: those that may yet be the least of a window wait."""
     row, used = before.cost[place], before.used[place]

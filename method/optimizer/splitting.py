@@ -44,15 +44,15 @@ SHORT = 500  # frames up to which the best answer is left and sought again
 DENSE = 150  # frames up to which a dense solver is affordable
 SHORTEST = 60  # and up to which it is from many starts
 HOPS = 4
-SMALL_HOPS = 6  # more, of a tenth the size, where searches do not agree and no dense solver is affordable
-AGREED = 1e-5  # share of the baseline's objective: searches no further apart have found one optimum
+AGREED = 1e-3  # share of the baseline's objective: searches no further apart have found one optimum
 DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where searches do not agree
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
-DENSE_ITERATIONS = 2500  # of all starts together; each takes about a millisecond
+DENSE_ITERATIONS = 2500  # of all starts together
+DENSE_SECOND = 1.2e8  # their iterations times frames cubed, at most: about half a second
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
 HAIR = 1e-8  # mean factor: a budget nearer to its end than this leaves nothing to polish
-DENSE_TOLERANCE = 1e-10
+DENSE_TOLERANCES = (1e-6, 1e-10)  # of each start, and of the best of them
 GOLDEN = (np.sqrt(5) - 1) / 2  # its multiples spread evenly over the unit interval
 BLOCK = 8  # frames
 
@@ -124,10 +124,8 @@ def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> So
     alike = True
     if search_more:
         best, alike = _searched_elsewhere(problem, best)
-    hops = 0 if n > SHORT else HOPS if alike or n <= DENSE else HOPS + SMALL_HOPS
-    for turn in range(hops):
-        push = _wave(n, turn) if turn < HOPS else 0.1 * _wave(n, turn - HOPS)
-        factors = nearest_feasible(problem, best.factors, best.factors + push, 0.5)
+    for turn in range(HOPS if n <= SHORT else 0):
+        factors = nearest_feasible(problem, best.factors, best.factors + _wave(n, turn), 0.5)
         best = _better(problem, best, search(problem, state_at(problem, factors, best), HOP))
     if n > DENSE:
         return best
@@ -139,12 +137,14 @@ def _searched_elsewhere(problem: Problem, best: Solution) -> tuple[Solution, boo
 
     Where they did not, loss curves have many local optima, and tracks over a grid of factors are tried too.
     """
-    found = [problem.objective(best.factors)]
+    most_apart = AGREED * problem.objective(problem.baseline())
     for stages in OTHER_SEARCHES:
         other = search(problem, state_at(problem, problem.baseline()), stages)
-        found.append(problem.objective(other.factors))
+        apart = abs(problem.objective(other.factors) - problem.objective(best.factors))
         best = _better(problem, best, other)
-    if np.ptp(found) <= AGREED * problem.objective(problem.baseline()):
+        if apart > most_apart:
+            break
+    else:
         return best, True
     for factors in grid_starts(problem):
         best = _better(problem, best, search(problem, state_at(problem, factors), HOP))
@@ -164,24 +164,41 @@ def _better(problem: Problem, best: Solution, other: Solution) -> Solution:
 def _polished(problem: Problem, best: Solution, starts: int) -> Solution:
     """Return the best that a dense solver makes of the best answer, of others near it and near the baseline.
 
-    It ends after so many fruitless starts in turn, twice as many in all, or `DENSE_ITERATIONS`. The dual
-    variables stay: they certify any answer, not just the one they came with.
+    Starts end after so many fruitless ones in turn, or twice as many in all; the best of them is then taken
+    to the end. The dual variables stay: they certify any answer, not just the one they came with.
     """
-    n, left = problem.curves.n_frames, DENSE_ITERATIONS
+    n = problem.curves.n_frames
     if min(problem.baseline_factor - problem.lowest_factor, 1 - problem.baseline_factor) < HAIR:
         return best
-    fruitless = 0
+    most = int(min(DENSE_ITERATIONS, DENSE_SECOND / n**3))
+    end, (rough, fine), fruitless = best.iterations + most, DENSE_TOLERANCES, 0
     for turn in range(2 * starts):
-        before = problem.objective(best.factors)
-        if before <= NO_SPREAD or fruitless == starts or left <= 0:
-            break
         start = best.factors if turn % 2 == 0 else problem.baseline()
         wave = _wave(n, turn // 2) if turn % 2 == 0 else 0.1 * _wave(n, turn)
-        factors, iterations = slsqp_from(problem, start + (wave if turn else 0.0), DENSE_TOLERANCE, left)
-        left -= iterations
-        best = _better(problem, best, replace(best, factors=factors, iterations=iterations))
-        fruitless = 0 if problem.objective(best.factors) < before * (1 - WORTHWHILE) else fruitless + 1
+        best, gained = _by_dense(problem, best, start + (wave if turn else 0.0), (rough, end))
+        fruitless = 0 if gained else fruitless + 1
+        if fruitless == starts:
+            break
+    gained, end = True, best.iterations + most // 2
+    while gained:
+        best, gained = _by_dense(problem, best, best.factors, (fine, end))
     return best
+
+
+def _by_dense(
+    problem: Problem, best: Solution, start: Array, until: tuple[float, int]
+) -> tuple[Solution, bool]:
+    """Return the better of the best answer and what SLSQP makes of a start, and whether that was worth it.
+
+    `until` is its tolerance, and how many iterations there may be in all.
+    """
+    tolerance, end = until
+    before = problem.objective(best.factors)
+    if before <= NO_SPREAD or best.iterations >= end:
+        return best, False
+    factors, iterations = slsqp_from(problem, start, tolerance, end - best.iterations)
+    best = _better(problem, best, replace(best, factors=factors, iterations=iterations))
+    return best, problem.objective(best.factors) < before * (1 - WORTHWHILE)
 
 
 def _wave(n: int, turn: int) -> Array:

@@ -15,7 +15,7 @@ from evenlight.method.optimizer.chain import nearest_feasible
 from evenlight.method.optimizer.factor_grid import longest_steps
 from evenlight.method.optimizer.optimize import Problem, Solution, is_feasible
 from evenlight.method.optimizer.slsqp import slsqp_from
-from evenlight.method.optimizer.splitting import DENSE_TOLERANCE, HOP
+from evenlight.method.optimizer.splitting import DENSE_TOLERANCES, HOP
 from evenlight.method.optimizer.splitting_search import search, state_at
 
 MOST_FRAMES = 8
@@ -34,7 +34,7 @@ def from_all_tracks(problem: Problem, best: Solution) -> float:
     least = problem.objective(best.factors)
     for factors in exhaustive_starts(problem):
         found = search(problem, state_at(problem, factors), HOP).factors
-        polished, _ = slsqp_from(problem, found, DENSE_TOLERANCE)
+        polished, _ = slsqp_from(problem, found, DENSE_TOLERANCES[1])
         tried = [track for track in (factors, found, polished) if is_feasible(problem, track)]
         least = min([least, *map(problem.objective, tried)])
     return least
