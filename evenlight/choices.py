@@ -9,7 +9,14 @@ from evenlight.data_schema.recordings.ramp import Direction, Procedure
 from evenlight.data_schema.recordings.rig import Actuator
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
 from evenlight.data_schema.tracks.film_reading import Damaged
-from evenlight.method.choices import Device, LimitCurve, ModulatedLuminance, ObjectiveName, SolverName
+from evenlight.method.choices import (
+    Device,
+    LimitCurve,
+    ModulatedLuminance,
+    ObjectiveName,
+    Resolution,
+    SolverName,
+)
 
 __all__ = [
     "Actuator",
@@ -25,6 +32,7 @@ __all__ = [
     "Procedure",
     "RateLimitForm",
     "RateLimitModel",
+    "Resolution",
     "Sigmoid",
     "SolverName",
 ]

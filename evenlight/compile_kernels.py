@@ -45,7 +45,10 @@ def compile_kernels() -> None:
     planes = LumaChroma(
         (luma, luma[::2, ::2], luma[::2, ::2]), (0.2126, 0.0722), False, (True, True), luma.copy
     )
-    FrameLight(evenlight.load_display("varjo-xr3"), PixelToLuminance.LINEAR_FIRST).luminance(planes)
+    light = FrameLight(evenlight.load_display("varjo-xr3"), PixelToLuminance.LINEAR_FIRST)
+    for pixels in (planes, frames[0], luma[..., None].repeat(3, axis=2)):
+        for halvings in (1, 2):
+            light.luminance_and_mean(pixels, halvings)
     for count in (3, FRAMES):
         track = evenlight.optimize(grays[:count], 0.5, calm=0.1)
     limit, power = evenlight.load_rate_limit("surace2025"), load_power_model("surace2025")

@@ -18,7 +18,6 @@ from evenlight.keywords import takes_fields_of, with_fields
 from evenlight.method.choices import Device
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.contrast.frame_analysis import FrameAnalyzer
-from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors, make_frame_analysis
 from evenlight.method.contrast.one_factor import OneFactorLoss
 from evenlight.method.online.controller import (
@@ -104,7 +103,7 @@ class OnlineController:
         self._start, self._duration = asked.start_factor, 1 / seconds
         self._state: ControllerState | None = None
         self._measure: OneFactorLoss | None = None
-        self._light = FrameLight(self._display, self._model.pixel_to_luminance)
+        self._counted, self._turn = asked.counted, 0
         self._costs = None if self._budget is None else ContentCosts(self._budget, self._power)
         self._cost: FrameCost | None = None
         self._governed: GovernorState | None = None
@@ -143,16 +142,16 @@ class OnlineController:
             )
         frame, seconds = self._received(frame, duration)
         if self._state is None or self._measure is None:
-            self._state = self._begun(frame, seconds)
+            self._state, means = self._begun(frame, seconds)
         else:
-            seen = self._measure.of(frame.pixel_values, self._state.factor)
+            seen, self._turn = self._measure.of(frame.pixels, self._state.factor, self._turn), self._turn + 1
+            means = seen.channel_means
             aim = self._aim(self._state, seen.loss)
             told = FrameMeasurement(seen.loss, seen.mean_luminance, seconds)
             self._monitor.take(self._state.factor, seen.loss, self._state.duration)
             self._state, self.loss = self._controller.step(self._state, told, aim), seen.loss
         self.factor = self._state.factor
         if self._costs is not None:
-            means = self._light.luminance_and_means(frame.pixel_values)[1]
             self._cost = self._cost_of(means, seconds)
         return self.factor
 
@@ -177,14 +176,14 @@ class OnlineController:
             )
         frame, seconds = self._received(frame, duration)
         if self._planner is None or self._analysis is None:
-            start, shape = self._first_factor(self._first_curves(frame)), frame.pixel_values.shape[:2]
+            start, shape = self._first_factor(self._first_curves(frame)), frame.shape
             knots = self._knots
             self._planner = LookaheadController(
                 self._controller, self._ahead, knots, start, self._target_is_given
             )
             made = make_frame_analysis(shape, self._display, self._model, knots, Device.CPU)
             self._analysis = made.analysis
-        seen = self._analysis.of(frame.pixel_values)
+        seen = self._analysis.of(frame.pixels)
         cost = None if self._costs is None else self._cost_of(seen.channel_means, seconds)
         foreseen = ForeseenFrame(seen.loss, seen.mean_luminance, seconds, cost)
         return self._handed_out(self._planner.push(foreseen))
@@ -218,7 +217,7 @@ class OnlineController:
 
     def _shown(self, frame: Frame) -> Frame:
         """Return a frame as the display can show it in the field of view."""
-        height, width, _ = frame.pixel_values.shape
+        height, width = frame.shape
         if self._geometry is None:
             size, degrees = (width, height), self._field_of_view
             self._geometry = viewing_geometry(size, self._display, degrees, "the frame")
@@ -250,15 +249,15 @@ class OnlineController:
             start = float(factor_at_loss(curves, np.array([settings.target_loss]))[0])
         return min(max(start, lowest), highest)
 
-    def _begun(self, frame: Frame, seconds: float) -> ControllerState:
-        """Return the state at the first frame, and set the first target if none is given."""
-        curves, shape = self._first_curves(frame), frame.pixel_values.shape[:2]
-        start, lowest = self._first_factor(curves), self._controller.settings.lowest_factor
+    def _begun(self, frame: Frame, seconds: float) -> tuple[ControllerState, Array]:
+        """Return the state and channel means at the first frame; set the first target if none is given."""
+        lowest = self._controller.settings.lowest_factor
+        measure = OneFactorLoss(frame.shape, self._display, self._model, lowest, *self._counted)
+        curves = self._first_curves(frame)
+        start, self._measure = self._first_factor(curves), measure
         self.loss = float(loss_and_slope(curves, np.array([start]))[0][0])
-        self._measure = OneFactorLoss((shape[0], shape[1]), self._display, self._model, lowest)
-        return self._controller.start(
-            start, FrameMeasurement(self.loss, float(curves.mean_luminance[0]), seconds)
-        )
+        told = FrameMeasurement(self.loss, float(curves.mean_luminance[0]), seconds)
+        return self._controller.start(start, told), curves.channel_means[0]
 
     def _aim(self, shown: ControllerState, loss: float) -> SteeredTarget | None:
         """Return where the governor moves the target to after a frame was shown; None without a budget."""

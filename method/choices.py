@@ -36,6 +36,15 @@ class ObjectiveName(enum.Enum):
     MINIMAX = "minimax"  # the largest loss of any frame that counts
 
 
+class Resolution(enum.Enum):
+    """On what of a frame the online controller measures contrast loss."""
+
+    FULL = "full"  # every pixel
+    STRIPS = "strips"  # every band; where one has many pixels, of each eight strips of rows one, in turn
+    HALF = "half"  # strips of a picture of half the pixels each way; the finest band does not count
+    QUARTER = "quarter"  # the same of a quarter, without the two finest
+
+
 class Device(enum.Enum):
     """What computes loss curves."""
 

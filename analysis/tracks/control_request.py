@@ -9,11 +9,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
 from evenlight.analysis.tracks.dimming_options import Dimmed
-from evenlight.data_schema.arguments import number
+from evenlight.data_schema.arguments import choice, number
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit
-from evenlight.option_panels import asked, expert, viewing
-from evenlight.stimuli.dimming_options import GAINS, AimOptions, File
+from evenlight.method.choices import Resolution
+from evenlight.option_panels import asked, computation, expert, viewing
+from evenlight.stimuli.dimming_options import GAINS, AimOptions, File, Member
 
 if TYPE_CHECKING:
     from evenlight.data_schema.display import Display
@@ -21,6 +22,8 @@ if TYPE_CHECKING:
     from evenlight.method.online.governor import GovernorSettings
     from evenlight.method.online.lookahead import LookaheadSettings
     from evenlight.method.optimizer.request import Request
+
+ONE_STRIP_IN = 8  # docs/decisions/online-resolution.md has the errors
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,3 +116,21 @@ class LoopRequest(Dimmed, Steered):
     fps: Annotated[
         float, viewing(help="Frames per second of the loop, where `step` is not told how long a frame lasts.")
     ] = 60.0
+    resolution: Annotated[
+        Member[Resolution],
+        computation(
+            help="What `step` measures loss on: full, every pixel; strips, of bands with many pixels one "
+            "strip of rows in eight (erred by up to 0.003); half or quarter, so many of the pixels each way, "
+            "without the one or two finest bands (by 0.005 or 0.014 in the median, where all detail is that "
+            "fine by up to 1)."
+        ),
+    ] = Resolution.FULL
+
+    @property
+    def counted(self) -> tuple[int, int]:
+        """Of how many strips of rows one is counted, and how often pixels are halved each way before."""
+        asked = choice("resolution", self.resolution, Resolution)
+        if self.lookahead is not None and asked is not Resolution.FULL:
+            raise ArgumentError("resolution", "is for `step`; with `lookahead` every pixel is counted")
+        halvings = {Resolution.HALF: 1, Resolution.QUARTER: 2}.get(asked, 0)
+        return (1 if asked is Resolution.FULL else ONE_STRIP_IN), halvings

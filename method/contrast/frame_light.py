@@ -74,13 +74,23 @@ class FrameLight:
             return self._of_luma(pixels), channel_means(rgb_of(pixels), self._display.gamma)
         return self._converted(pixels)
 
-    def luminance_and_mean(self, pixels: Pixels) -> tuple[Luminance, float, NDArray[np.float64]]:
-        """Return I, its mean Ī, and the means of the linear R, G, B channels, (3,)."""
-        luminance, means = self.luminance_and_means(pixels)
+    def luminance_and_mean(
+        self, pixels: Pixels, halvings: int = 0
+    ) -> tuple[Luminance, float, NDArray[np.float64]]:
+        """Return I, its mean Ī, and the means of the linear R, G, B channels, (3,).
+
+        With `halvings`, I is of so many times half the pixels each way, rounded up: means of their light.
+        """
         if self._order is PixelToLuminance.LUMA_FIRST:
-            return luminance, float(luminance.mean(dtype=np.float64)), means
-        black, peak = self._display.black_level, self._display.peak_luminance
-        return luminance, float(black + (peak - black) * (LUMINANCE_WEIGHTS @ means)), means
+            luminance, means = self.luminance_and_means(pixels)
+            mean = float(luminance.mean(dtype=np.float64))
+        else:
+            luminance, means = self._converted(pixels, block=2**halvings)
+            black, peak = self._display.black_level, self._display.peak_luminance
+            mean = float(black + (peak - black) * (LUMINANCE_WEIGHTS @ means))
+        while len(luminance) > -(-pixels.shape[0] // 2**halvings):
+            luminance = halved(luminance)
+        return luminance, mean, means
 
     def _of_luma(self, pixels: Pixels) -> Luminance:
         """Return I of pixel values whose channels are weighed first."""
@@ -90,16 +100,22 @@ class FrameLight:
         return luminance
 
     def _converted(
-        self, pixels: Pixels, drawn_at: float | None = None
+        self, pixels: Pixels, drawn_at: float | None = None, block: int = 1
     ) -> tuple[Luminance, NDArray[np.float64]]:
-        """Return I, or what pixels draw at a factor, and the channels' means, where these come first."""
+        """Return I, or what pixels draw at a factor, and the channels' means, where these come first.
+
+        Where whole numbers fill whole blocks of so many pixels each way, I is that of the blocks.
+        """
         kind = np.dtype(np.uint8) if isinstance(pixels, LumaChroma) else pixels.dtype
         whole = np.issubdtype(kind, np.integer)
         steps = int(np.iinfo(kind).max) if whole else FLOAT_STEPS
         if steps not in self._linear:
             encoded = np.arange(steps + 1) / steps
             self._linear[steps] = (encoded**self._display.gamma).astype(np.float32)
-        luminance = self._take(pixels.shape[:2], np.float32)
+        height, width, _ = pixels.shape
+        fits = whole and isinstance(pixels, np.ndarray) and height % block == width % block == 0
+        block = block if fits else 1
+        luminance = self._take((height // block, width // block), np.float32)
         black = np.float32(self._display.black_level)
         span = np.float32(self._display.peak_luminance - self._display.black_level)
         linear = self._linear[steps]
@@ -110,28 +126,51 @@ class FrameLight:
             matrix = matrix_of(pixels)
             sums = convert_planes(planes, pixels.amid, matrix, (linear, black, span), luminance)
         else:
-            convert = convert_integers if whole else convert_floats
-            sums = convert(np.ascontiguousarray(pixels), linear, black, span, luminance)
-        return luminance, np.array(sums) / luminance.size
+            given = np.ascontiguousarray(pixels), linear, black, span, luminance
+            sums = convert_integers(*given, tuple(range(block))) if whole else convert_floats(*given)
+        return luminance, np.array(sums) / (height * width)
 
 
 @compiled
-def convert_integers(pixel_values: Any, linear: Any, black: Any, span: Any, luminance: Any) -> Any:
+def convert_integers(
+    pixel_values: Any, linear: Any, black: Any, span: Any, luminance: Any, within: Any = (0,)
+) -> Any:
     """Fill `luminance` with I of an integer frame; return the sums of its linear channels.
 
-    `linear[v]` is the linear value of the pixel value v; `span` is from `black` to the peak [cd/m^2].
+    `linear[v]` is the linear value of the pixel value v; `span` is from `black` to the peak [cd/m^2];
+    `within` counts the rows of a block of pixels that I is a mean of, a tuple for the compiler to unroll.
     """
-    red = green = blue = 0.0
+    red = green = blue = np.float64(0)
+    n = len(within)
+    share = span / np.float32(n * n)
     for i in range(luminance.shape[0]):
+        rows, out = pixel_values[n * i : n * i + n], luminance[i]
         for j in range(luminance.shape[1]):
-            r = linear[pixel_values[i, j, 0]]
-            g = linear[pixel_values[i, j, 1]]
-            b = linear[pixel_values[i, j, 2]]
+            r = g = b = np.float32(0)
+            for p in within:
+                for q in within:
+                    row, column = np.uint64(p), np.uint64(n * j + q)
+                    r += linear[rows[row, column, 0]]
+                    g += linear[rows[row, column, 1]]
+                    b += linear[rows[row, column, 2]]
             red += r
             green += g
             blue += b
-            luminance[i, j] = black + span * (_R * r + _G * g + _B * b)
+            out[j] = black + share * (_R * r + _G * g + _B * b)
     return red, green, blue
+
+
+@compiled
+def halved(fine: Any) -> Any:
+    """Return the means of 2 × 2 pixels; beyond an odd edge the last row or column goes on."""
+    height, width = fine.shape
+    coarse = np.empty(((height + 1) // 2, (width + 1) // 2), np.float32)
+    for i in range(coarse.shape[0]):
+        a, b = fine[2 * i], fine[min(2 * i + 1, height - 1)]
+        for j in range(coarse.shape[1]):
+            k = min(2 * j + 1, width - 1)
+            coarse[i, j] = np.float32(0.25) * ((a[2 * j] + a[k]) + (b[2 * j] + b[k]))
+    return coarse
 
 
 @compiled

@@ -3,15 +3,17 @@
 The curve of all factors at once (`contrast.frame_analysis`) compares neighbours at a reference factor; at one
 factor nothing need be approximated. Contrast and masking (Eq. 3, a fast form of `contrast.masking`) are
 computed at b and at 1 in one sweep over the pixels, with the tables of sensitivity and the pyramid of the
-curve, in single precision. Where looking at all rows takes too long, strips of them stand for the rest.
+curve, in single precision. Where looking at all rows takes too long, strips of them stand for the rest, or a
+picture of fewer pixels.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -25,29 +27,27 @@ from evenlight.data_schema.contrast_model import (
 )
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.frame import Pixels
 from evenlight.method.contrast.band_shares import contrast_tables
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
 from evenlight.method.contrast.critical_factor import BandTable, band_tables, tables_hold
-from evenlight.method.contrast.csf import LOWEST_LUMINANCE
 from evenlight.method.contrast.detection import SLOPE
 from evenlight.method.contrast.frame_light import FrameLight
 from evenlight.method.contrast.luminance import dimmed_luminance
-from evenlight.method.contrast.masking import MASKING_EXPONENT
 from evenlight.method.contrast.one_pass import (
+    EXACT,
     ContrastTables,
     compiled,
     exp2,
     expand_row,
     expanded,
     log2,
-    look_up,
+    power_row,
+    ratio_row,
     reduced,
 )
 
 MANY_PIXELS = 300_000  # only bands with more are counted in part: of fewer there is little to save
-_BETA = np.float32(MASKING_EXPONENT)
-_DARKEST = np.float32(LOWEST_LUMINANCE)
-_FAINTEST = np.float32(1e-30)
 _PER_X = np.float32(10 * SLOPE)  # ρ = x^10
 _NEWTON_STEPS = 6  # to x of any contrast that counts; far below threshold they stop short
 STRIP = 4  # rows that are counted together
@@ -59,7 +59,8 @@ class MeasuredLoss:
     """What the controller needs of a frame."""
 
     loss: float  # 𝓛_c at the factor that was asked for
-    mean_luminance: float  # Ī, mean luminance emitted at b = 1 [cd/m^2]
+    mean_luminance: float  # Ī, mean luminance emitted at b = 1 [cd/m^2], of all pixels
+    channel_means: Array = field(compare=False)  # (3,): means of the linear R, G, B channels, of all pixels
 
 
 class Counting(NamedTuple):
@@ -87,6 +88,14 @@ class OneFactorLoss:
         Lowest factor that will be asked for.
     one_strip_in : int
         Of bands with many pixels, only one strip of 4 rows in so many is counted; 1 counts them all.
+    halvings : int
+        How often the picture's pixels are halved each way before, in linear light; so many of the finest
+        bands do not count. Models without tables look at all pixels.
+
+    Raises
+    ------
+    InputError
+        If no band is left.
     """
 
     def __init__(
@@ -96,12 +105,18 @@ class OneFactorLoss:
         model: ContrastModel = DEFAULT_MODEL,
         lowest_factor: float = 0.2,
         one_strip_in: int = 1,
+        halvings: int = 0,
     ) -> None:
         self._display, self._model, self._lowest, self._one_in = display, model, lowest_factor, one_strip_in
         self._shape = shape
-        self._bands = band_tables(shape, lowest_factor, display, model)
         self._light = FrameLight(display, model.pixel_to_luminance)
         self._by_definition = not tables_hold(display, model)
+        self._halvings = 0 if self._by_definition else halvings
+        self._bands = band_tables(shape, lowest_factor, display, model)[self._halvings :]
+        if not self._bands:
+            raise InputError(
+                f"frames of the shape {shape} have no band left at 1/{2**halvings} of the pixels"
+            )
         self._counting = Counting(
             masks_itself=model.masking is MaskingNeighbourhood.WITH_CENTRE,
             masking=np.float32(model.masking_strength),
@@ -118,15 +133,16 @@ class OneFactorLoss:
         same, for they are drawn; of a model without tables all count.
         """
         self._counted = [
-            np.ascontiguousarray(seen[::step, ::step]) for step in 2 ** np.arange(len(self._bands))
+            np.ascontiguousarray(seen[:: 2**level, :: 2**level])
+            for level in range(self._halvings, self._halvings + len(self._bands))
         ]
 
-    def of(self, pixel_values: NDArray[Any], factor: float, turn: int = 0) -> MeasuredLoss:
+    def of(self, pixel_values: Pixels, factor: float, turn: int = 0) -> MeasuredLoss:
         """Return the loss of a frame, (height, width, 3) gamma-encoded, at a factor.
 
         Parameters
         ----------
-        pixel_values : array, (height, width, 3)
+        pixel_values : array, (height, width, 3), or LumaChroma
             The frame.
         factor : float
             Brightness factor b.
@@ -142,14 +158,14 @@ class OneFactorLoss:
             raise InputError(f"expected a frame of the shape {self._shape}, got {pixel_values.shape[:2]}")
         if not self._lowest * (1 - 1e-9) <= factor <= 1:
             raise InputError(f"the factor must lie in {self._lowest:g} to 1, got {factor:g}")
-        luminance, mean, _ = self._light.luminance_and_mean(pixel_values)
+        luminance, mean, means = self._light.luminance_and_mean(pixel_values, self._halvings)
         dimmed, full = self.visible_contrast(luminance, factor, turn)
-        return MeasuredLoss(loss_of(dimmed, full, self._model.loss), mean)
+        return MeasuredLoss(loss_of(dimmed, full, self._model.loss), mean, means)
 
     def visible_contrast(
         self, emitted: NDArray[np.float32], factor: float, turn: int = 0
     ) -> tuple[float, float]:
-        """Return C_v at a factor and at 1 of a frame of emitted luminance I, (height, width) [cd/m^2]."""
+        """Return C_v at a factor and at 1 of emitted luminance I, (height, width) once halved [cd/m^2]."""
         if self._by_definition:
             dimmed, full = (
                 visible_contrast(dimmed_luminance(emitted, b, self._display), self._display, self._model)
@@ -197,27 +213,36 @@ def _count_visible(
     low, seen = np.empty(width, np.float32), np.empty(width, np.float32)
     ratio, light, x = np.empty(width, np.float32), np.empty(width, np.float32), np.empty(width, np.float32)
     cells, between = np.empty(width, np.int32), np.empty(coarse.shape[1] + 2, np.float32)
-    columns = np.minimum(np.arange(width) + 2, width - 1) - np.maximum(np.arange(width) - 2, 0) + 1
-    counts = np.zeros(2)
+    columns = np.empty(width, np.float32)
+    for j in range(width):
+        columns[j] = min(j + 2, width - 1) - max(j - 2, 0) + 1
+    counts, by_series = np.zeros(2), tables.series_error < EXACT
     first_at = 1 if tables.log_factor == 0 else 0  # at factor 1 both are the same
     for i in range(first, last + 2):
         new, ready = i % 5, (i - 2) % 5
         if i < last:
             expand_row(coarse, i, height, between, low)
             expand_row(adaptation, i, height, between, seen)
-            weight[1, new] = counted[i]
-            _ratio_row(fine[i], low, seen, tables, (ratio, light, weight[1, new]))
-            weight[0, new] = weight[1, new]
+            ratio_row(fine[i], low, seen, tables, (ratio, light))
+            counts_here = weight[1, new]
+            for j in range(width):
+                counts_here[j] = counted[i, j]
+            if tables.positive_only:
+                counts_here *= fine[i] > low
+            weight[0, new] = counts_here
             for at in range(first_at, 2):
+                log_factor = tables.log_factor if at == 0 else np.float32(0)
                 if counting.weighs:
-                    _weigh_row(ratio, light, tables, counting, (at, weight[at, new]))
-                _power_row(ratio, light, tables, (at, x, cells, power[at, new], sums[at, new]))
+                    _weigh_row(ratio, light, log_factor, counting, weight[at, new])
+                power_row(
+                    (ratio, light), log_factor, tables, by_series, (x, sums[at, new], power[at, new], cells)
+                )
         else:
             sums[:, new] = 0
         if rows[0] <= i - 2 < rows[1]:
             n_rows = min(i, height - 1) - max(i - 4, 0) + 1
             for at in range(first_at, 2):
-                here = power[at, ready], sums[at], n_rows * columns, weight[at, ready]
+                here = power[at, ready], sums[at], (np.float32(n_rows), columns), weight[at, ready]
                 if counting.soft or counting.weighs:
                     counts[at] += _seen_in_row(here, counting, x)
                 else:
@@ -228,40 +253,8 @@ def _count_visible(
 
 
 @compiled
-def _ratio_row(fine: Any, low: Any, seen: Any, tables: Any, filled: Any) -> None:
-    """Fill rows of log2 r and of log2 L_a, and set to 0 the weights of pixels that do not count."""
-    ratio, light, weight = filled
-    for j in range(fine.size):
-        around = max(seen[j], _DARKEST)
-        light[j] = log2(around)
-        ratio[j] = log2(max(abs(fine[j] - low[j]) / around, _FAINTEST))
-    if not np.isnan(tables.log_common_adaptation):
-        light[:] = tables.log_common_adaptation
-    if tables.positive_only:
-        for j in range(fine.size):
-            if fine[j] <= low[j]:
-                weight[j] = np.float32(0)
-
-
-@compiled
-def _power_row(ratio: Any, light: Any, tables: Any, filled: Any) -> None:
-    """Fill rows of |C|^0.2 and of its sums over five columns, at b or (`at` = 1) at factor 1."""
-    at, x, cells, power, sums = filled
-    log_factor = tables.log_factor if at == 0 else np.float32(0)
-    for j in range(x.size):
-        x[j] = (light[j] + log_factor - tables.log_darkest) / tables.log_span
-    look_up(tables.log_sensitivity, x, cells)
-    for j in range(x.size):
-        power[j + 2] = exp2(_BETA * (x[j] + ratio[j]))
-    for j in range(x.size):
-        sums[j] = power[j] + power[j + 1] + power[j + 2] + power[j + 3] + power[j + 4]
-
-
-@compiled
-def _weigh_row(ratio: Any, light: Any, tables: Any, counting: Counting, weighed: Any) -> None:
+def _weigh_row(ratio: Any, light: Any, log_factor: Any, counting: Counting, weight: Any) -> None:
     """Multiply weights by contrast, bounded at that of light against black: |ΔL| = L_a."""
-    at, weight = weighed
-    log_factor = tables.log_factor if at == 0 else np.float32(0)
     for j in range(weight.size):
         e = exp2(light[j] + log_factor)
         weight[j] *= exp2(min(ratio[j], np.float32(0))) * e / (e + counting.lost_light)
@@ -270,10 +263,10 @@ def _weigh_row(ratio: Any, light: Any, tables: Any, counting: Counting, weighed:
 @compiled
 def _masking_at(j: Any, here: Any, counting: Counting) -> Any:
     """Return |C|^0.2 of a pixel of a row, the sum of those that mask it, and how many they are."""
-    power, sums, counts, _ = here
+    power, sums, (rows, columns), _ = here
     own = power[j + 2]
     total = sums[0, j] + sums[1, j] + sums[2, j] + sums[3, j] + sums[4, j]
-    n = np.float32(counts[j])
+    n = rows * columns[j]
     if not counting.masks_itself:
         total -= own
         n = max(n - np.float32(1), np.float32(1))
@@ -310,12 +303,11 @@ def _seen_in_row(here: Any, counting: Counting, x: Any) -> Any:
 @compiled
 def _visible_in_row(here: Any, counting: Counting) -> Any:
     """Return how many pixels of a row are visible: |C|^0.7 > 1 + mean of |C|^0.2 about them (Eq. 3)."""
-    weight, visible = here[3], 0
+    weight, visible = here[3], numba.int32(0)
     for j in range(weight.size):
         own, total, n = _masking_at(j, here, counting)
         transduced = own * own * own * np.sqrt(own)  # (|C|^0.2)^3.5
-        if weight[j] * transduced * n > n + counting.masking * total:
-            visible += 1
+        visible += numba.int32(weight[j] * transduced * n > n + counting.masking * total)
     return visible
 
 

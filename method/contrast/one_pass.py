@@ -81,7 +81,7 @@ _T = _power_series(
 )
 _PER_LOG_MASKING, _MIDDLE = np.float32(1 / _LARGEST_LOG_MASKING), np.float32(0.5)
 BLOCK = 64  # pixels: rows are made of whole blocks, as what is left over of a vectorized loop is slow
-_EXACT = np.float32(1e-4)  # error of log2 s with which the series serves for more than ratios of neighbours
+EXACT = np.float32(1e-4)  # error of log2 s with which the series serves for more than ratios of neighbours
 _ROUNDING = np.float32(1e-4)  # of log2 s, and of what it is compared with: more than there can be
 _ROOT_HALF_BITS = np.int32(0x3F3504F3)  # of the float32 nearest to sqrt(1/2)
 
@@ -208,7 +208,7 @@ def contrast_row(fine: Any, low: Any, seen: Any, to: ContrastTables, rows: Any) 
     """Fill rows of log2 r, log2 L_a, log2 |C| at a factor, and |C|^0.2 by five columns."""
     log_ratio, log_adaptation, log_contrast, power_sum, power, cells = rows
     ratio_row(fine, low, seen, to, (log_ratio, log_adaptation))
-    by_series = to.series_error < _EXACT
+    by_series = to.series_error < EXACT
     filled = log_contrast, power_sum, power, cells
     power_row((log_ratio, log_adaptation), to.log_factor, to, by_series, filled)
     if to.positive_only:

@@ -221,4 +221,5 @@ class GpuLoss:
         for band in bands:
             dimmed += band[0, 0]
             full += band[-1, 1]
-        return MeasuredLoss(loss_of(min(dimmed, full), full, self._form), emitted_mean(means, self._display))
+        loss, mean = loss_of(min(dimmed, full), full, self._form), emitted_mean(means, self._display)
+        return MeasuredLoss(loss, mean, means[:3])

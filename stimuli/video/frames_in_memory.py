@@ -32,7 +32,7 @@ def frame_of(pixel_values: Any, duration: float = 1.0) -> Frame:
             frame = Frame(0.0, duration, _array_of(pixel_values))
         except ValueError as error:
             raise InputError(str(error).replace("the frame at 0 s needs", "a frame needs")) from None
-    shape = frame.pixel_values.shape
+    shape = frame.pixels.shape
     if min(shape[:2]) < SMALLEST_SIDE:
         raise InputError(f"a frame needs at least {SMALLEST_SIDE} x {SMALLEST_SIDE} pixels, got {shape}")
     return frame

@@ -155,6 +155,8 @@ def test_frames_of_another_size_are_refused() -> None:
         ({"budget": 50.0, "budget_unit": "watt"}, "budget"),
         ({"target_loss": 0.1, "gain_rate": -1.0}, "gain_rate must lie in 0 to"),
         ({"target_loss": 0.1, "lookahead": 1.0, "integral": 0.1}, "integral is for the PID controller"),
+        ({"target_loss": 0.1, "lookahead": 1.0, "resolution": "half"}, "resolution is for `step`"),
+        ({"target_loss": 0.1, "resolution": "third"}, "resolution"),
     ],
 )
 def test_what_cannot_be_used_is_named(given: dict[str, object], says: str) -> None:
