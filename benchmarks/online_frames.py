@@ -17,8 +17,10 @@ from benchmarks.online_content import content, layered_pictures, picture
 from benchmarks.peak_memory import peak_memory
 from benchmarks.records import BenchmarkPoint, Role
 from benchmarks.stopwatch import Times, timed_in_turn
+from evenlight.analysis.tracks.control_request import LoopRequest
 from evenlight.data_schema.contrast_model import DEFAULT_MODEL
 from evenlight.data_schema.display import Display
+from evenlight.method.choices import Resolution
 from evenlight.method.contrast.contrast_loss import contrast_loss
 from evenlight.method.contrast.frame_analysis import FrameAnalysis
 from evenlight.method.contrast.loss_curves import brightness_factors
@@ -115,23 +117,27 @@ def _approaches(pixels: NDArray[np.uint8], display: Display) -> dict[str, LossAt
     """Return the ways to the loss of a picture, the default first."""
     shape = pixels.shape[:2]
     knots = brightness_factors()
-    whole, curve = OneFactorLoss(shape, display), FrameAnalysis(shape, display, DEFAULT_MODEL, knots)
+    curve = FrameAnalysis(shape, display, DEFAULT_MODEL, knots)
     strips = OneFactorLoss(shape, display, one_strip_in=TURNS_OF_STRIPS)
-    approaches: dict[str, LossAt] = {
-        WHOLE: lambda b: whole.of(pixels, b).loss,
-        STRIPS: lambda b: strips.of(pixels, b).loss,
-        "all factors at once, read at one": lambda b: float(np.interp(b, knots, curve.of(pixels).loss)),
-    }
-    for words, step in (("half", 2), ("quarter", 4)):
-        small = replace(display, pixels_per_degree=display.pixels_per_degree / step)
-        meter = OneFactorLoss(pixels[::step, ::step].shape[:2], small)
-        approaches[f"{words} resolution"] = _reduced(pixels, step, meter)
+    meters = _meters(shape, display) | {STRIPS: strips}
+    approaches: dict[str, LossAt] = {name: partial(_loss, one, pixels) for name, one in meters.items()}
+    approaches["all factors at once, read at one"] = lambda b: float(
+        np.interp(b, knots, curve.of(pixels).loss)
+    )
     return approaches
 
 
-def _reduced(pixels: NDArray[np.uint8], step: int, meter: OneFactorLoss) -> LossAt:
-    """Return the loss of every second or fourth pixel, on a display of as many fewer."""
-    return lambda b: meter.of(np.ascontiguousarray(pixels[::step, ::step]), b).loss
+def _meters(shape: tuple[int, int], display: Display) -> dict[str, OneFactorLoss]:
+    """Return what measures loss at each resolution, by name."""
+    counted = {one: LoopRequest(target_loss=0.05, resolution=one).counted for one in Resolution}
+    meters = {one: OneFactorLoss(shape, display, DEFAULT_MODEL, 0.2, *ways) for one, ways in counted.items()}
+    return {
+        WHOLE if one is Resolution.FULL else f"resolution {one.value}": meter for one, meter in meters.items()
+    }
+
+
+def _loss(meter: OneFactorLoss, pixels: NDArray[np.uint8], factor: float) -> float:
+    return meter.of(pixels, factor).loss
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,11 +161,8 @@ def latency_points(
     settings.say("from a frame to its factor")
     width, height = (640, 360) if settings.quick else (1920, 1080)
     pixels = picture(height, width, rng)
-    loops = {
-        name: _Live(controller, OneFactorLoss((height, width), display, one_strip_in=n))
-        for name, n in ((WHOLE, 1), (STRIPS, 4))
-    }
-    exact = loops[WHOLE].factor(pixels)
+    loops = {name: _Live(controller, meter) for name, meter in _meters((height, width), display).items()}
+    exact = _loss(loops[WHOLE].meter, pixels, FACTORS[1])
     times = timed_in_turn(
         {name: partial(one.factor, pixels) for name, one in loops.items()}, settings.repeats(15)
     )
@@ -169,7 +172,8 @@ def latency_points(
                 f"from the pixels of {width} x {height} to the factor", name,
                 Role.DEFAULT if name == WHOLE else Role.VARIANT, width * height, PIXELS,
             ),
-            times[name], abs(one.factor(pixels) - exact), "difference of the factor from that of all pixels",
+            times[name], abs(_loss(one.meter, pixels, FACTORS[1]) - exact),
+            "difference of the loss from that of all pixels",
         )
         for name, one in loops.items()
     ]  # fmt: skip

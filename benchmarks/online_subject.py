@@ -84,7 +84,8 @@ def measure(settings: RunSettings) -> SubjectResults:
             "At one factor the loss needs no reference factor for its neighbours: what the one pass for all "
             "factors approximates, it computes.",
             "Half and quarter resolution leave out the finest bands; strips leave out rows of the fine "
-            "bands, and keep all bands; at each turn others, and none of bands of at most 300 000 pixels.",
+            "bands, and keep all bands; at each turn others, and none of bands of at most 300 000 pixels. "
+            "A resolution counts one strip in eight.",
         ),
     )
 
