@@ -85,7 +85,7 @@ def measure(settings: RunSettings) -> SubjectResults:
             "factors approximates, it computes.",
             "Half and quarter resolution leave out the finest bands; strips leave out rows of the fine "
             "bands, and keep all bands; at each turn others, and none of bands of at most 300 000 pixels. "
-            "A resolution counts one strip in eight.",
+            "Resolutions other than full count one strip in eight.",
         ),
     )
 
