@@ -65,10 +65,15 @@ def same_pixels(one: Pixels, other: Pixels) -> bool:
     """Whether pictures are equal and of one kind: 1 as a float is white, as an integer all but black."""
     if isinstance(one, LumaChroma) and isinstance(other, LumaChroma):
         meant = [(picture.luma_weights, picture.full_range, picture.amid) for picture in (one, other)]
-        return meant[0] == meant[1] and all(map(np.array_equal, one.planes, other.planes))
+        return meant[0] == meant[1] and all(map(_equal, one.planes, other.planes))
     if isinstance(one, LumaChroma) or isinstance(other, LumaChroma):
         return False
-    return one.dtype == other.dtype and np.array_equal(one, other)
+    return one.dtype == other.dtype and _equal(one, other)
+
+
+def _equal(one: NDArray[Any], other: NDArray[Any]) -> bool:
+    """Whether arrays are equal; a few rows tell most that are not, at a hundredth of the time."""
+    return np.array_equal(one[::64], other[::64]) and np.array_equal(one, other)
 
 
 @dataclass(frozen=True, slots=True, init=False)

@@ -43,9 +43,11 @@ class FrameSamples:
         """All of them, or every second one: at most 16, for what takes long or is drawn."""
         return self.held[:: 2 if len(self.held) > 16 else 1]
 
-    def watch(self, frames: Iterable[Frame]) -> Iterator[Frame]:
-        """Yield the frames unchanged, keeping some of them."""
+    def watch(self, frames: Iterable[Frame], n_frames: int | None = None) -> Iterator[Frame]:
+        """Yield the frames unchanged, keeping some; if it is known how many come, only what will be held."""
         for index, frame in enumerate(frames):
+            if index == 0:
+                self._spread(frame, n_frames or 0)
             if index % self.stride == 0:
                 self.held.append((index, frame.pixel_values.copy()))  # its source may fill it again
                 if len(self.held) > self._limit(frame):
@@ -57,11 +59,15 @@ class FrameSamples:
         self, first: Frame, frames_at: Callable[[Sequence[int]], Iterable[Frame]], n_frames: int
     ) -> None:
         """Hold the frames that would be held after watching all of a video, without watching it."""
-        while -(-n_frames // self.stride) > self._limit(first):
-            self.stride *= 2
+        self._spread(first, n_frames)
         numbers = range(0, n_frames, self.stride)
         found = zip(numbers, frames_at(numbers), strict=True)
         self.held = [(number, frame.pixel_values.copy()) for number, frame in found]
+
+    def _spread(self, first: Frame, n_frames: int) -> None:
+        """Choose the stride for so many frames."""
+        while -(-n_frames // self.stride) > self._limit(first):
+            self.stride *= 2
 
     def _limit(self, frame: Frame) -> int:
         return max(self.least, min(self.most, MEMORY // max(frame.pixel_values.nbytes, 1)))

@@ -135,7 +135,7 @@ def loss_curves_of(
             if work.known is None and work.begun is None:
                 if watcher is not None:
                     shown = geometry.shown(watcher(itertools.chain([first], frames)))
-                return work.analysed(samples.watch(job.watch(shown)))
+                return work.analysed(samples.watch(job.watch(shown), source.n_frames))
             seen = next(iter(shown))
         if work.begun is not None:
             done, total = work.begun.n_frames, source.n_frames

@@ -26,6 +26,9 @@ def test_a_frame_that_is_kept_stays_as_it_was(count: int) -> None:
 def test_between_half_of_the_most_and_the_most_are_kept_evenly_spread(count: int) -> None:
     samples = FrameSamples(most=8)
     list(samples.watch(refilled(count)))
+    told = FrameSamples(most=8)
+    list(told.watch(refilled(count), count))
+    assert [index for index, _ in told.held] == [index for index, _ in samples.held]
     indices = [index for index, _ in samples.held]
     assert min(count, 4) <= len(indices) <= 8
     assert len(set(np.diff(indices).tolist())) == 1
