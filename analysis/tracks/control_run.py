@@ -66,7 +66,7 @@ def control_video(
     track, summary = video.evaluated(run, RunRecord(time.perf_counter() - began, curves_s, 0.0))
     loss, spread = video.beside_constant(run)
     summary = replace(summary, control=video.control_summary(run, spread))
-    summary = with_other_measures(summary, track, samples.held, curves, asked.work.model)
+    summary = with_other_measures(summary, track, samples.held, curves, asked.work)
     drawn = DrawnTrack(track, summary, loss, samples.few)
     return drawn, spread.ratio, tuple(video.warnings(run, spread.ratio))
 

@@ -174,7 +174,7 @@ def _measured(
     job: OptimizationJob,
 ) -> OptimizationSummary:
     with shown_progress(job.quiet, f"other measures of {curves.video}"):
-        return with_other_measures(summary, track, samples.held, curves, job.model)
+        return with_other_measures(summary, track, samples.held, curves, job)
 
 
 def _on_its_own(part: Problem, factors: Array) -> tuple[Problem, bool]:

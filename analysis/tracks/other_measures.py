@@ -9,12 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from evenlight.analysis.tracks.optimization_job import OptimizationJob
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.contrast_model import ContrastModel
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.brightness_track import BrightnessTrack
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.data_schema.tracks.optimization_summary import MeasuredTrack, OptimizationSummary
+from evenlight.method.choices import AnalysisEffort
 from evenlight.method.contrast.curve_lookup import loss_at
 from evenlight.method.contrast.loss_curves import analyze_frames
 from evenlight.method.contrast.measures import MEASURES, ROBUST
@@ -34,7 +35,7 @@ def with_other_measures(
     track: BrightnessTrack,
     samples: Sequence[tuple[int, NDArray[Any]]],
     curves: LossCurves,
-    model: ContrastModel,
+    job: OptimizationJob,
 ) -> OptimizationSummary:
     """Return a summary with what the measures of a robust track, but for its own, say of sampled frames.
 
@@ -45,10 +46,10 @@ def with_other_measures(
         return summary
     at = [index for index, _ in samples]
     frames = [Frame(float(curves.times[index]), 1.0, pixels) for index, pixels in samples]
-    found = []
+    found, cores = [], AnalysisEffort(job.effort.jobs)
     for name in ROBUST:
-        if (other := MEASURES[name]) != model:
-            known = analyze_frames(frames, curves.video, curves.display, other, curves.factors)
+        if (other := MEASURES[name]) != job.model:
+            known = analyze_frames(frames, curves.video, curves.display, other, curves.factors, effort=cores)
             dimmed = track.factors[at], np.full(len(at), summary.baseline_factor)
             found.append(measured_track(name, *(loss_at(known, factors) for factors in dimmed)))
     return replace(summary, measured=tuple(found), frames_measured=len(at))

@@ -24,12 +24,13 @@ from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.tracks.brightness_track import BudgetUnit, TrackHeader
 from evenlight.method.choices import ModulatedLuminance, SolverName
 from evenlight.method.one_blas_thread import one_blas_thread
+from evenlight.method.optimizer import splitting
 from evenlight.method.optimizer.evaluate import RunRecord, SolverAnswer, summarize, track_of
 from evenlight.method.optimizer.lower_bound import _rate_table, lower_bound
 from evenlight.method.optimizer.objective import pairwise_spread, weight_of_pairs
 from evenlight.method.optimizer.optimize import Problem, Solution, feasible_blend, is_feasible, optimize, pose
 from evenlight.method.optimizer.request import Request, require_possible
-from evenlight.method.optimizer.slsqp import _slack, _slack_slope
+from evenlight.method.optimizer.slsqp import _slack, _slack_slope, slsqp_from
 from evenlight.method.optimizer.splitting import (
     BLOCK,
     FAR_TO_NEAR,
@@ -360,6 +361,21 @@ def test_a_general_solver_keeps_the_limits_near_the_ends_of_the_budget(
 def test_only_the_default_takes_a_start() -> None:
     with pytest.raises(InputError, match="a start is for the solver splitting, not for slsqp"):
         make_solver(SolverName.SLSQP, RNG, np.array([0.5]))
+
+
+@pytest.mark.parametrize("n", [30, 60])
+def test_the_dense_solver_of_short_videos_has_a_bound_on_its_iterations(monkeypatch, n) -> None:
+    taken, most = [], 40
+
+    def counting(problem: Problem, start, tolerance, iterations):
+        factors, used = slsqp_from(problem, start, tolerance, iterations)
+        taken.append(used)
+        return factors, used
+
+    monkeypatch.setattr(splitting, "slsqp_from", counting)
+    monkeypatch.setattr(splitting, "DENSE_SECOND", most * n**3)
+    optimize(mean_factor_problem(made_curves(n, np.random.default_rng(3), 0.5), 0.5), SplittingSolver())
+    assert most / 2 < sum(taken) <= 1.5 * most  # half as many again take the best of them to the end
 
 
 def long_video(make_curves, n=1600):
