@@ -129,7 +129,7 @@ def _approaches(pixels: NDArray[np.uint8], display: Display) -> dict[str, LossAt
 
 def _meters(shape: tuple[int, int], display: Display) -> dict[str, OneFactorLoss]:
     """Return what measures loss at each resolution, by name."""
-    counted = {one: LoopRequest(target_loss=0.05, resolution=one).counted for one in Resolution}
+    counted = {one: LoopRequest(target_loss=0.05, resolution=one).strips_and_halvings for one in Resolution}
     meters = {one: OneFactorLoss(shape, display, DEFAULT_MODEL, 0.2, *ways) for one, ways in counted.items()}
     return {
         WHOLE if one is Resolution.FULL else f"resolution {one.value}": meter for one, meter in meters.items()

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -11,11 +13,12 @@ from numpy.typing import NDArray
 from evenlight.analysis.tracks.control_request import LoopRequest
 from evenlight.data_schema.arguments import positive
 from evenlight.data_schema.arrays import Array
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.keywords import takes_fields_of, with_fields
-from evenlight.method.choices import Device
+from evenlight.method.choices import Device, Resolution
+from evenlight.method.contrast.critical_factor import tables_hold
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.contrast.frame_analysis import FrameAnalyzer
 from evenlight.method.contrast.loss_curves import analyze_frames, brightness_factors, make_frame_analysis
@@ -103,7 +106,9 @@ class OnlineController:
         self._start, self._duration = asked.start_factor, 1 / seconds
         self._state: ControllerState | None = None
         self._measure: OneFactorLoss | None = None
-        self._counted, self._turn = asked.counted, 0
+        self._looks_at, self._turn = asked.strips_and_halvings, 0
+        if asked.resolution is not Resolution.FULL and not tables_hold(self._display, self._model):
+            raise ArgumentError("resolution", "needs a model of sensitivity at each pixel's own luminance")
         self._costs = None if self._budget is None else ContentCosts(self._budget, self._power)
         self._cost: FrameCost | None = None
         self._governed: GovernorState | None = None
@@ -176,8 +181,8 @@ class OnlineController:
             )
         frame, seconds = self._received(frame, duration)
         if self._planner is None or self._analysis is None:
-            start, shape = self._first_factor(self._first_curves(frame)), frame.shape
-            knots = self._knots
+            curves, shape, knots = self._first_curves(frame), frame.shape, self._knots
+            start = self._first_factor(curves, partial(_loss_at, curves))
             self._planner = LookaheadController(
                 self._controller, self._ahead, knots, start, self._target_is_given
             )
@@ -234,15 +239,15 @@ class OnlineController:
     def _first_curves(self, frame: Frame) -> LossCurves:
         return analyze_frames([frame], "the first frame", self._display, self._model, self._knots)
 
-    def _first_factor(self, curves: LossCurves) -> float:
-        """Return the factor of the first frame, and set the first target if none is given."""
+    def _first_factor(self, curves: LossCurves, loss_at: Callable[[float], float]) -> float:
+        """Return the factor of the first frame, and set the first target, as later losses are measured."""
         settings, start = self._controller.settings, self._start
         lowest, highest = settings.lowest_factor, settings.highest_factor
         if not self._target_is_given and self._budget is not None:
             slope = float(power_per_factor(self._power, curves.channel_means)[0])
             fair = first_factor(self._budget, self._power, slope, (lowest, highest))
             start = fair if start is None else start
-            self.target_loss = float(loss_and_slope(curves, np.array([fair]))[0][0])
+            self.target_loss = loss_at(fair)
             settings = replace(settings, target_loss=self.target_loss)
             self._controller = replace(self._controller, settings=settings)
         if start is None:
@@ -252,12 +257,11 @@ class OnlineController:
     def _begun(self, frame: Frame, seconds: float) -> tuple[ControllerState, Array]:
         """Return the state and channel means at the first frame; set the first target if none is given."""
         lowest = self._controller.settings.lowest_factor
-        measure = OneFactorLoss(frame.shape, self._display, self._model, lowest, *self._counted)
-        curves = self._first_curves(frame)
-        start, self._measure = self._first_factor(curves), measure
-        self.loss = float(loss_and_slope(curves, np.array([start]))[0][0])
-        told = FrameMeasurement(self.loss, float(curves.mean_luminance[0]), seconds)
-        return self._controller.start(start, told), curves.channel_means[0]
+        measure = OneFactorLoss(frame.shape, self._display, self._model, lowest, *self._looks_at)
+        start = self._first_factor(self._first_curves(frame), lambda b: measure.of(frame.pixels, b).loss)
+        seen, self._measure = measure.of(frame.pixels, start), measure
+        self.loss, told = seen.loss, FrameMeasurement(seen.loss, seen.mean_luminance, seconds)
+        return self._controller.start(start, told), seen.channel_means
 
     def _aim(self, shown: ControllerState, loss: float) -> SteeredTarget | None:
         """Return where the governor moves the target to after a frame was shown; None without a budget."""
@@ -269,6 +273,10 @@ class OnlineController:
         self._governed, aim = governor.step(self._governed, shown, loss, self._cost.excess(shown.factor))
         self.target_loss = aim.target_loss
         return aim
+
+
+def _loss_at(curves: LossCurves, factor: float) -> float:
+    return float(loss_and_slope(curves, np.array([factor]))[0][0])
 
 
 OnlineController.__doc__ = with_fields(OnlineController.__doc__, LoopRequest)

@@ -121,16 +121,17 @@ class LoopRequest(Dimmed, Steered):
         computation(
             help="What `step` measures loss on: full, every pixel; strips, of bands with many pixels one "
             "strip of rows in eight (erred by up to 0.003); half or quarter, so many of the pixels each way, "
-            "without the one or two finest bands (by 0.005 or 0.014 in the median, where all detail is that "
-            "fine by up to 1)."
+            "without the one or two finest bands. These two find less loss: in films by 0.003 or 0.009 in "
+            "the median and up to 0.03 or 0.09, of finer patterns none. They save most of whole numbers "
+            "where both sides divide by 2 or 4."
         ),
     ] = Resolution.FULL
 
     @property
-    def counted(self) -> tuple[int, int]:
+    def strips_and_halvings(self) -> tuple[int, int]:
         """Of how many strips of rows one is counted, and how often pixels are halved each way before."""
-        asked = choice("resolution", self.resolution, Resolution)
-        if self.lookahead is not None and asked is not Resolution.FULL:
+        chosen = choice("resolution", self.resolution, Resolution)
+        if self.lookahead is not None and chosen is not Resolution.FULL:
             raise ArgumentError("resolution", "is for `step`; with `lookahead` every pixel is counted")
-        halvings = {Resolution.HALF: 1, Resolution.QUARTER: 2}.get(asked, 0)
-        return (1 if asked is Resolution.FULL else ONE_STRIP_IN), halvings
+        halvings = {Resolution.HALF: 1, Resolution.QUARTER: 2}.get(chosen, 0)
+        return (1 if chosen is Resolution.FULL else ONE_STRIP_IN), halvings

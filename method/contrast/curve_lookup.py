@@ -28,7 +28,7 @@ def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
     return loss, slope
 
 
-@compiled_loop(error_model="numpy")
+@compiled_loop(error_model="numpy", boundscheck=True)
 def _on_segments(knots: Array, losses: Array, factors: Array) -> tuple[Array, Array]:
     """See `loss_and_slope`."""
     loss, slope = np.empty(len(factors)), np.empty(len(factors))

@@ -88,7 +88,7 @@ class FrameLight:
             luminance, means = self._converted(pixels, block=2**halvings)
             black, peak = self._display.black_level, self._display.peak_luminance
             mean = float(black + (peak - black) * (LUMINANCE_WEIGHTS @ means))
-        while len(luminance) > -(-pixels.shape[0] // 2**halvings):
+        for _ in range(halvings if luminance.shape == pixels.shape[:2] else 0):
             luminance = halved(luminance)
         return luminance, mean, means
 

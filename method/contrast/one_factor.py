@@ -26,7 +26,7 @@ from evenlight.data_schema.contrast_model import (
     Visibility,
 )
 from evenlight.data_schema.display import Display
-from evenlight.data_schema.errors import InputError
+from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.frame import Pixels
 from evenlight.method.contrast.band_shares import contrast_tables
 from evenlight.method.contrast.contrast_loss import loss_of, visible_contrast
@@ -114,9 +114,8 @@ class OneFactorLoss:
         self._halvings = 0 if self._by_definition else halvings
         self._bands = band_tables(shape, lowest_factor, display, model)[self._halvings :]
         if not self._bands:
-            raise InputError(
-                f"frames of the shape {shape} have no band left at 1/{2**halvings} of the pixels"
-            )
+            few = f"1/{2**halvings} of the pixels each way"
+            raise ArgumentError("resolution", f"leaves no band of frames of the shape {shape} at {few}")
         self._counting = Counting(
             masks_itself=model.masking is MaskingNeighbourhood.WITH_CENTRE,
             masking=np.float32(model.masking_strength),

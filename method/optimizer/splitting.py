@@ -48,8 +48,8 @@ AGREED = 1e-3  # share of the baseline's objective: searches no further apart ha
 DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where searches do not agree
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
 DENSE_WORK = 480  # fruitless starts times frames
-DENSE_ITERATIONS = 2500  # of all starts together
-DENSE_SECOND = 1.2e8  # their iterations times frames cubed, at most: about half a second
+DENSE_ITERATIONS = 1500  # of all starts together; half as many again take the best of them to the end
+DENSE_EFFORT = 1.2e8  # their iterations times frames cubed, at most
 WORTHWHILE = 1e-7  # improvement of the objective, as a share of it
 HAIR = 1e-8  # mean factor: a budget nearer to its end than this leaves nothing to polish
 DENSE_TOLERANCES = (1e-6, 1e-10)  # of each start, and of the best of them
@@ -133,9 +133,9 @@ def _of_a_short_video(problem: Problem, best: Solution, search_more: bool) -> So
 
 
 def _searched_elsewhere(problem: Problem, best: Solution) -> tuple[Solution, bool]:
-    """Return the best of other searches from the baseline, and whether all of them found the same.
+    """Return the best of other searches from the baseline, up to one that disagrees, and whether none does.
 
-    Where they did not, loss curves have many local optima, and tracks over a grid of factors are tried too.
+    Where one does, loss curves have many local optima, and tracks over a grid of factors are tried too.
     """
     most_apart = AGREED * problem.objective(problem.baseline())
     for stages in OTHER_SEARCHES:
@@ -170,7 +170,7 @@ def _polished(problem: Problem, best: Solution, starts: int) -> Solution:
     n = problem.curves.n_frames
     if min(problem.baseline_factor - problem.lowest_factor, 1 - problem.baseline_factor) < HAIR:
         return best
-    most = int(min(DENSE_ITERATIONS, DENSE_SECOND / n**3))
+    most = int(min(DENSE_ITERATIONS, DENSE_EFFORT / n**3))
     end, (rough, fine), fruitless = best.iterations + most, DENSE_TOLERANCES, 0
     for turn in range(2 * starts):
         start = best.factors if turn % 2 == 0 else problem.baseline()

@@ -373,7 +373,7 @@ def test_the_dense_solver_of_short_videos_has_a_bound_on_its_iterations(monkeypa
         return factors, used
 
     monkeypatch.setattr(splitting, "slsqp_from", counting)
-    monkeypatch.setattr(splitting, "DENSE_SECOND", most * n**3)
+    monkeypatch.setattr(splitting, "DENSE_EFFORT", most * n**3)
     optimize(mean_factor_problem(made_curves(n, np.random.default_rng(3), 0.5), 0.5), SplittingSolver())
     assert most / 2 < sum(taken) <= 1.5 * most  # half as many again take the best of them to the end
 
