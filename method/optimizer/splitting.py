@@ -34,7 +34,6 @@ SETTLING = tuple(SearchStage(0.0, 12, 0.03 / 5**k, from_best=True) for k in rang
 OTHER_SEARCHES = (
     (SearchStage(0.0, 30), *SETTLING),
     (SearchStage(1.0, 30), SearchStage(0.25, 20), SearchStage(0.06, 20), SearchStage(0.0, 30), *SETTLING),
-    (*(replace(stage, trust=0.04) for stage in FAR_TO_NEAR * 3), *SETTLING),
 )
 HOP = (SearchStage(0.0, 10, 0.06), *SETTLING)
 LONG = 600  # frames above which the search begins with a coarse start
@@ -43,7 +42,7 @@ MEDIUM = 900  # and up to which another search begins at constant dimming
 SHORT = 500  # frames up to which the best answer is left and sought again
 DENSE = 150  # frames up to which a dense solver is affordable
 SHORTEST = 60  # and up to which it is from many starts
-HOPS = 4
+HOPS = 2
 AGREED = 1e-3  # share of the baseline's objective: searches no further apart have found one optimum
 DENSE_CUBES = 1e6  # above that: fruitless starts times frames cubed, where searches do not agree
 DENSE_STARTS = (8, 20)  # fruitless ones after which it ends: at least and at most; in all twice as many
