@@ -4,20 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from evenlight.analysis.tracks.control_request import LoopRequest
+from evenlight.analysis.tracks.control_request import EVERY_PIXEL, LoopRequest
 from evenlight.data_schema.arguments import positive
 from evenlight.data_schema.arrays import Array
 from evenlight.data_schema.errors import ArgumentError, InputError
 from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.tracks.loss_curves import LossCurves
 from evenlight.keywords import takes_fields_of, with_fields
-from evenlight.method.choices import Device, Resolution
+from evenlight.method.choices import Device
 from evenlight.method.contrast.critical_factor import tables_hold
 from evenlight.method.contrast.curve_lookup import factor_at_loss, loss_and_slope
 from evenlight.method.contrast.frame_analysis import FrameAnalyzer
@@ -107,7 +106,7 @@ class OnlineController:
         self._state: ControllerState | None = None
         self._measure: OneFactorLoss | None = None
         self._looks_at, self._turn = asked.strips_and_halvings, 0
-        if asked.resolution is not Resolution.FULL and not tables_hold(self._display, self._model):
+        if self._looks_at != EVERY_PIXEL and not tables_hold(self._display, self._model):
             raise ArgumentError("resolution", "needs a model of sensitivity at each pixel's own luminance")
         self._costs = None if self._budget is None else ContentCosts(self._budget, self._power)
         self._cost: FrameCost | None = None
@@ -182,7 +181,7 @@ class OnlineController:
         frame, seconds = self._received(frame, duration)
         if self._planner is None or self._analysis is None:
             curves, shape, knots = self._first_curves(frame), frame.shape, self._knots
-            start = self._first_factor(curves, partial(_loss_at, curves))
+            start = self._first_factor(curves, lambda b: float(loss_and_slope(curves, np.array([b]))[0][0]))
             self._planner = LookaheadController(
                 self._controller, self._ahead, knots, start, self._target_is_given
             )
@@ -273,10 +272,6 @@ class OnlineController:
         self._governed, aim = governor.step(self._governed, shown, loss, self._cost.excess(shown.factor))
         self.target_loss = aim.target_loss
         return aim
-
-
-def _loss_at(curves: LossCurves, factor: float) -> float:
-    return float(loss_and_slope(curves, np.array([factor]))[0][0])
 
 
 OnlineController.__doc__ = with_fields(OnlineController.__doc__, LoopRequest)

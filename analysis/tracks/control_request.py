@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from evenlight.method.online.lookahead import LookaheadSettings
     from evenlight.method.optimizer.request import Request
 
+EVERY_PIXEL = (1, 0)  # every strip of rows, no halving
 ONE_STRIP_IN = 8  # docs/decisions/online-resolution.md has the errors
 
 
@@ -133,5 +134,6 @@ class LoopRequest(Dimmed, Steered):
         chosen = choice("resolution", self.resolution, Resolution)
         if self.lookahead is not None and chosen is not Resolution.FULL:
             raise ArgumentError("resolution", "is for `step`; with `lookahead` every pixel is counted")
-        halvings = {Resolution.HALF: 1, Resolution.QUARTER: 2}.get(chosen, 0)
-        return (1 if chosen is Resolution.FULL else ONE_STRIP_IN), halvings
+        if chosen is Resolution.FULL:
+            return EVERY_PIXEL
+        return ONE_STRIP_IN, {Resolution.STRIPS: 0, Resolution.HALF: 1, Resolution.QUARTER: 2}[chosen]

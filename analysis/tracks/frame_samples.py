@@ -23,7 +23,7 @@ SCREEN_GAMMA = 2.2  # of the reader's screen: a picture dimmed by b has its pixe
 class FrameSamples:
     """Frames held: whenever there are too many, every second one is dropped and the stride doubles.
 
-    So at any time between half of `most` and `most` evenly spread frames are held, whatever the length.
+    So between half of `most` and `most` evenly spread frames are held, whatever the length.
 
     >>> import numpy as np
     >>> samples = FrameSamples(most=4)
@@ -44,7 +44,10 @@ class FrameSamples:
         return self.held[:: 2 if len(self.held) > 16 else 1]
 
     def watch(self, frames: Iterable[Frame], n_frames: int | None = None) -> Iterator[Frame]:
-        """Yield the frames unchanged, keeping some; if it is known how many come, only what will be held."""
+        """Yield the frames unchanged, keeping some.
+
+        With their number, `n_frames`, none is kept that would not stay; if fewer come, fewer are held.
+        """
         for index, frame in enumerate(frames):
             if index == 0:
                 self._spread(frame, n_frames or 0)

@@ -132,14 +132,14 @@ def test_a_still_picture_keeps_to_its_budget_at_any_resolution(resolution: str) 
 
 
 def test_a_model_that_looks_at_all_pixels_takes_no_resolution() -> None:
+    asked = {
+        "display": replace(DISPLAY, reflected_luminance=1.0),
+        "contrast_model": replace(DEFAULT_MODEL, sensitivity=SensitivityModel.AUTHORS),
+        "other_display_ok": True,
+    }
     with pytest.raises(InputError, match="resolution needs a model"):
-        evenlight.OnlineController(
-            0.05,
-            display=replace(DISPLAY, reflected_luminance=1.0),
-            contrast_model=replace(DEFAULT_MODEL, sensitivity=SensitivityModel.AUTHORS),
-            other_display_ok=True,
-            resolution="half",
-        )
+        evenlight.OnlineController(0.05, resolution="half", **asked)
+    assert evenlight.OnlineController(0.05, resolution="full", **asked).factor is None
 
 
 def test_in_eight_steps_each_strip_is_counted(monkeypatch: pytest.MonkeyPatch) -> None:
