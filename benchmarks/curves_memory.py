@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Iterator
 
 import numpy as np
@@ -28,9 +29,8 @@ def analyze_minutes(
 
 
 def curves_size(minutes: float) -> float:
-    """Return the memory of the curves themselves [MiB]."""
-    n, knots = round(minutes * 60 * RATE), 65
-    return 8 * n * (knots + 7) / 2**20  # loss; two times, three channels, contrast, luminance
+    """Return the memory of the curves themselves [MiB], from those of a few seconds."""
+    return len(pickle.dumps(analyze_minutes("0.1"))) / 2**20 * minutes / 0.1
 
 
 def _frames(n: int) -> Iterator[Frame]:

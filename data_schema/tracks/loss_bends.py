@@ -42,23 +42,21 @@ class LossBends:
             raise ValueError("each curve needs bends at two factors or more, rising to 1")
         if not 0 <= self.contents.min() <= self.contents.max() < len(self.starts) - 1:
             raise ValueError("each frame must have one of the curves")
-        if (np.diff(self._places()) <= 0).any() or not (self.factors > 0).all():
+        rise = np.diff(self.factors) > 0
+        rise[self.starts[1:-1] - 1] = True  # from one curve to the next
+        if not (rise.all() and (self.factors > 0).all()):
             raise ValueError("factors of the bends must rise from above 0")
         if not ((self.loss >= 0) & (self.loss <= 1)).all():
             raise ValueError("losses at the bends must lie in [0, 1]")
-
-    def _places(self) -> Array:
-        """Return all points on one axis, (M,): curve c's from 2c to 2c + 1."""
-        import numpy as np
-
-        return 2.0 * np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts)) + self.factors
 
     def at(self, factors: Array) -> Array:
         """Return 𝓛_c of each frame at its factor, (N,); below a curve's lowest factor that at it."""
         import numpy as np
 
+        # All curves on one axis, curve c from 2c to 2c + 1.
+        places = 2.0 * np.repeat(np.arange(len(self.starts) - 1), np.diff(self.starts)) + self.factors
         wanted = 2.0 * self.contents + np.maximum(factors, self.factors[self.starts[self.contents]])
-        found: Array = np.interp(wanted, self._places(), self.loss)
+        found: Array = np.interp(wanted, places, self.loss)
         return found
 
     @classmethod

@@ -140,7 +140,7 @@ def _gathered(
         if checkpoints is not None:
             frames = timeline.times, timeline.durations, timeline.shown
             checkpoints.at(numbers, bends, len(row), frames)
-    return np.frombuffer(numbers).reshape(-1, len(row)), np.array(bends).reshape(-1, 2)
+    return np.asarray(numbers).reshape(-1, len(row)), np.asarray(bends).reshape(-1, 2)
 
 
 def _loss_bends(bends: Array, counts: Integers, shown: Sequence[int]) -> LossBends | None:

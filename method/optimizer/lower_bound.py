@@ -78,13 +78,13 @@ def lower_bound(problem: Problem, solution: Solution) -> float:
     scale = max(float((slopes * np.abs(relaxation.weights)).mean()) * n, 1e-9)
     price = float(np.clip(solution.budget_price * n, -100 * scale, 100 * scale))
     objective = problem.objective(solution.factors) * size / n
-    hair = GOOD_ENOUGH * objective
-    best = _best_over_prices(relaxation, price, scale / 16, TRIALS, hair)
+    hair, known = GOOD_ENOUGH * objective, max(near, 0.0) * size / n
+    best = _best_over_prices(relaxation, price, scale / 16, TRIALS, hair, known)
     if best.value < ENOUGH * objective and is_feasible(problem, solution.factors):
         state = state_at(problem, solution.factors, solution)
         other = dual_weights(problem, search(problem, state, ALONG_CHORDS))
         again = replace(relaxation, weights=other)
-        second = _best_over_prices(again, best.price, scale / 64, TRIALS // 3, hair)
+        second = _best_over_prices(again, best.price, scale / 64, TRIALS // 3, hair, known)
         best = max(best, second, key=lambda tangent: tangent.value)
     return float(max(best.value * n / size, near, 0.0))
 
@@ -178,9 +178,11 @@ def bound_of_costs(problem: Problem, costs: Array, price: float, known: float) -
 
 
 def _best_over_prices(
-    relaxation: _Relaxation, price: float, step: float, trials: int, hair: float
+    relaxation: _Relaxation, price: float, step: float, trials: int, hair: float, known: float = -np.inf
 ) -> _Tangent:
     """Return the best bound found over the price of the budget, or one less good by a hair.
+
+    Where no price can lead above a bound that is known, it is any.
 
     The bound is concave in the price, and its slope is what its chain uses above the budget. The price to try
     next is where the tangents from both sides meet, and no price can lift the bound above that point.
@@ -200,7 +202,7 @@ def _best_over_prices(
                 break
             ahead = dear.value - cheap.value - dear.slope * (dear.price - cheap.price)
             ahead /= cheap.slope - dear.slope
-            if cheap.value + cheap.slope * ahead - best.value <= hair:
+            if cheap.value + cheap.slope * ahead <= max(best.value + hair, known):
                 break
             width = dear.price - cheap.price
             price = cheap.price + float(np.clip(ahead, 0.02 * width, 0.98 * width))
