@@ -12,7 +12,7 @@ from benchmarks.chart import UNITS
 from evenlight.data_schema.errors import InputError
 from evenlight.data_schema.storage.text_files import read_text
 
-SLOWER = 1.15  # times as long; two runs of the same differ by less
+SLOWER = 1.15  # times as long; two runs of the same differ by less where nothing else runs
 MEASURED = ("time", "runs", "ratio", "error", "memory", "note")  # columns; the others say of what
 Row = tuple[float, float]  # time [s], and its ratio; NaN where there is none, or it is to a default of ours
 

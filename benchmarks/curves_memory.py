@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pickle
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -19,18 +20,18 @@ SIZE = (384, 270)
 DISPLAY = Display("headset", 104.4, 0.2, 1.95, pixels_per_degree=72.28)
 
 
-def analyze_minutes(
-    minutes: str, jobs: str = "1", order: str = PixelToLuminance.LINEAR_FIRST.value
-) -> LossCurves:
+def analyze_minutes(minutes: str, jobs: str, order: str) -> LossCurves:
     """Analyse a video of so many minutes that is made as it is asked for."""
     n = round(float(minutes) * 60 * RATE)
     model = ContrastModel(pixel_to_luminance=PixelToLuminance(order))
     return analyze_frames(_frames(n), "made", DISPLAY, model, effort=AnalysisEffort(int(jobs)))
 
 
-def curves_size(minutes: float) -> float:
-    """Return the memory of the curves themselves [MiB], from those of a few seconds."""
-    return len(pickle.dumps(analyze_minutes("0.1"))) / 2**20 * minutes / 0.1
+def curves_size(minutes: float, order: PixelToLuminance) -> float:
+    """Return the memory of the curves [MiB], from a few seconds of them: at knots twice, their bends once."""
+    some = analyze_minutes("0.2", "1", order.value)
+    size = 2 * len(pickle.dumps(replace(some, bends=None))) + len(pickle.dumps(some.bends))
+    return size / 2**20 * minutes / 0.2
 
 
 def _frames(n: int) -> Iterator[Frame]:

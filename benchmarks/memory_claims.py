@@ -12,7 +12,6 @@ from evenlight.data_schema.contrast_model import PixelToLuminance
 
 MEMORY = "benchmarks.curves_memory:analyze_minutes"
 SAME_MEMORY = 1.05  # two runs of the same differ by as much
-COPIES = 2  # of the curves: the rows as they come in, and the record that checks and keeps them
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +59,10 @@ def _memory_claim(way: _Way, short: float) -> BenchmarkClaim:
     )
     if least is None or most is None:
         return not_measured(words, SAME_MEMORY, "", "the system does not tell how much memory a process used")
-    apart = [used - COPIES * curves_size(minutes) for used, minutes in ((least, short), (most, long))]
+    of_curves = curves_size(long, way.order)
+    left = most - of_curves, least - of_curves * short / long
     note = (
-        f"{least:.1f} and {most:.1f} MiB, of which the curves take {curves_size(short):.1f} and "
-        f"{curves_size(long):.1f}, twice: as they come in, and checked; what is left differs by "
-        f"{apart[1] - apart[0]:.1f} MiB, the frames' times as lists among it; frames of 384 x 270, made one "
-        "by one"
+        f"{least:.1f} and {most:.1f} MiB; curves take {of_curves:.1f}, those at knots twice; what is left "
+        f"differs by {left[0] - left[1]:.1f} MiB; frames of 384 x 270, made one by one"
     )
-    return claim(words, SAME_MEMORY, apart[1] / apart[0], "", note)
+    return claim(words, SAME_MEMORY, left[0] / left[1], "", note)

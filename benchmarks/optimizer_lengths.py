@@ -224,7 +224,7 @@ def length_claims(
         claim(f"the bound is near the objective at {longest} made frames", LEAST_CERTAIN, kept[longest].gap,
               "share of the objective",
               "a gap is what no track can gain, or what the bound does not see; of 3000 rendered frames it "
-              f"is {rendered.gap:.2g}"),
+              f"is {rendered.gap:.2g} (1: nothing is certified)"),
     ]  # fmt: skip
 
 

@@ -42,11 +42,11 @@ class LossBends:
             raise ValueError("each curve needs bends at two factors or more, rising to 1")
         if not 0 <= self.contents.min() <= self.contents.max() < len(self.starts) - 1:
             raise ValueError("each frame must have one of the curves")
-        rise = np.diff(self.factors) > 0
+        rise = self.factors[1:] > self.factors[:-1]
         rise[self.starts[1:-1] - 1] = True  # from one curve to the next
-        if not (rise.all() and (self.factors > 0).all()):
+        if not (rise.all() and self.factors.min() > 0):
             raise ValueError("factors of the bends must rise from above 0")
-        if not ((self.loss >= 0) & (self.loss <= 1)).all():
+        if not 0 <= self.loss.min() <= self.loss.max() <= 1:
             raise ValueError("losses at the bends must lie in [0, 1]")
 
     def at(self, factors: Array) -> Array:

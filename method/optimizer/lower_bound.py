@@ -182,7 +182,7 @@ def _best_over_prices(
 ) -> _Tangent:
     """Return the best bound found over the price of the budget, or one less good by a hair.
 
-    Where no price can lead above a bound that is known, it is any.
+    The search also ends once no price can lead above a bound that is known: what it found may be lower.
 
     The bound is concave in the price, and its slope is what its chain uses above the budget. The price to try
     next is where the tangents from both sides meet, and no price can lift the bound above that point.

@@ -94,17 +94,20 @@ def test_bends_are_in_the_file_and_need_not_be(tmp_path):
 @pytest.mark.parametrize(
     ("name", "values", "message"),
     [
-        ("contents", np.array([1]), "one of the curves"),
+        ("contents", np.array([2]), "one of the curves"),
         ("contents", np.array([0.0]), "whole numbers"),
         ("starts", np.array([0]), "one curve at least"),
-        ("starts", np.array([0, 3]), "begin and end with all points"),
-        ("factors", np.array([0.2, 0.9]), "rising to 1"),
-        ("loss", np.array([np.nan, 0.0]), r"lie in \[0, 1\]"),
+        ("starts", np.array([0, 2, 5]), "begin and end with all points"),
+        ("factors", np.array([0.2, 1.0, 0.5, 0.9]), "rising to 1"),
+        ("factors", np.array([0.2, 1.0, 1.0, 1.0]), "rise from above 0"),
+        ("factors", np.array([0.2, 1.0, np.nan, 1.0]), "rise from above 0"),
+        ("factors", np.array([0.0, 1.0, 0.5, 1.0]), "rise from above 0"),
+        ("loss", np.array([0.4, 0.0, np.nan, 0.0]), r"lie in \[0, 1\]"),
         ("loss", None, "bend_loss"),
     ],
 )
 def test_damaged_bends_are_told(name, values, message, tmp_path):
-    whole = {"contents": [0], "starts": [0, 2], "factors": [0.2, 1.0], "loss": [0.4, 0.0]}
+    whole = {"contents": [0], "starts": [0, 2, 4], "factors": [0.2, 1.0] * 2, "loss": [0.4, 0.0] * 2}
     bends = LossBends(**{key: np.array(numbers) for key, numbers in whole.items()})
     write_loss_curves(tmp_path / "c.npz", replace(curves_of(GRATINGS[:1]), bends=bends))
     with np.load(tmp_path / "c.npz") as content:
