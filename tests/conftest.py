@@ -31,10 +31,7 @@ from evenlight.data_schema.frame import Frame
 from evenlight.data_schema.provenance import Provenance
 from evenlight.data_schema.rate_limit import RateLimit, RateLimitForm
 from evenlight.data_schema.storage.text_files import write_json_record
-from evenlight.data_schema.tracks.brightness_track import (
-    BudgetUnit,
-    write_track,
-)
+from evenlight.data_schema.tracks.brightness_track import BudgetUnit, write_track
 from evenlight.data_schema.tracks.loss_curves import LossCurves, write_loss_curves
 from evenlight.data_schema.tracks.optimization_summary import OptimizationSummary
 from evenlight.method.optimizer.optimize import Problem, pose
@@ -47,6 +44,9 @@ from evenlight.stimuli.video_writer import write_video
 # Several tests run at once, and more threads of each would only wait for cores. It counts for the processes
 # that are started from here, those that run the tests among them.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+# Dask's profiler can stop a process for ever on Python 3.11 (python/cpython#106883).
+os.environ["DASK_DISTRIBUTED__WORKER__PROFILE__ENABLED"] = "false"
 
 # Tests find no loss curves of earlier ones, but for those that are about that.
 os.environ["EVENLIGHT_CURVES_CACHE_MB"] = "0"
