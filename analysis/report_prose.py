@@ -65,7 +65,6 @@ def section(
 
 @cache
 def _environment() -> Environment:
-    """Return what reads the templates."""
     import jinja2  # not needed by commands that write no report
 
     found = jinja2.Environment(

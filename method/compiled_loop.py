@@ -10,6 +10,13 @@ from typing import Any, TypeVar, cast
 
 import numba
 import numpy as np
+from numba.core.codegen import get_host_cpu_features
+
+# Vectors as wide as the registers. LLVM takes half of 512 bits, because full width lowered the clock of the
+# first processors that had them; those since 2019, which have VBMI2 too, keep it.
+_config, _features = cast(Any, numba.config), cast(Any, get_host_cpu_features)()
+if _config.CPU_FEATURES is None and "+avx512vbmi2" in _features:
+    _config.CPU_FEATURES = f"{_features},-prefer-256-bit"
 
 Loop = TypeVar("Loop", bound=Callable[..., Any])
 

@@ -72,7 +72,6 @@ def share_noticed(rate_ratio: ArrayLike, limit: RateLimit) -> Array:
 
 
 def _logit_at(known: RateLimit) -> float:
-    """Return the logit of the share that is noticed at a limit."""
     if known.noticed is not None:
         return float(scipy.special.logit(known.noticed))
     return float(threshold_logit(known.guess_rate or 0.0))

@@ -70,7 +70,6 @@ def rate_limit_at(
 
 
 def _lower_edge(limit: RateLimit, luminance: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the lower edge of the band within the measured luminances."""
     if not limit.band_luminance:
         raise InputError(
             f"the rate limit {limit.name!r} has no band (too few points or people to estimate one); "

@@ -68,7 +68,6 @@ class FrameSamples:
         self.held = [(number, frame.pixel_values.copy()) for number, frame in found]
 
     def _spread(self, first: Frame, n_frames: int) -> None:
-        """Choose the stride for so many frames."""
         while -(-n_frames // self.stride) > self._limit(first):
             self.stride *= 2
 

@@ -219,7 +219,6 @@ def _locked(path: Path, busy: str, longest_wait: float) -> FileLock:
 
 
 def _remove(path: Path) -> None:
-    """Remove a file or a folder, if it is there."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:

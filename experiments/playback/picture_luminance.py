@@ -91,7 +91,6 @@ class PictureLuminance:
         self._seen.write((255 * seen[::-1].astype(np.uint8)).tobytes(), alignment=1)
 
     def _add_up(self) -> None:
-        """Draw the sums of the picture drawn last."""
         seen = self._whole if self._pictures.seen is None else self._pictures.seen
         if seen is not self._counted:
             self._count_only(seen)

@@ -308,7 +308,6 @@ class _Session:
         return sum(not trial.practice for trial in self.store.trials)
 
     def _usable(self) -> int:
-        """Return how many usable trials are done."""
         return sum(trial.usable for trial in self.store.trials)
 
     @contextmanager

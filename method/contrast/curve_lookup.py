@@ -30,7 +30,6 @@ def loss_and_slope(curves: LossCurves, factors: Array) -> tuple[Array, Array]:
 
 @compiled_loop(error_model="numpy", boundscheck=True)
 def _on_segments(knots: Array, losses: Array, factors: Array) -> tuple[Array, Array]:
-    """See `loss_and_slope`."""
     loss, slope = np.empty(len(factors)), np.empty(len(factors))
     for i in range(len(factors)):
         above = min(max(np.searchsorted(knots, factors[i], side="right"), 1), len(knots) - 1)

@@ -20,7 +20,7 @@ from evenlight.data_schema.contrast_model import PixelToLuminance
 from evenlight.data_schema.display import Display
 from evenlight.data_schema.frame import LumaChroma, Pixels, rgb_of
 from evenlight.method.contrast.luminance import LUMINANCE_WEIGHTS, channel_means, emitted_luminance
-from evenlight.method.contrast.one_pass import compiled, interpolated
+from evenlight.method.contrast.one_pass import BLOCK, compiled, interpolated
 
 Luminance = NDArray[np.float32]
 FLOAT_STEPS = 65535  # of the linearization table for floats, read with linear interpolation
@@ -93,7 +93,6 @@ class FrameLight:
         return luminance, mean, means
 
     def _of_luma(self, pixels: Pixels) -> Luminance:
-        """Return I of pixel values whose channels are weighed first."""
         wide = emitted_luminance(rgb_of(pixels), self._display, PixelToLuminance.LUMA_FIRST)
         luminance = self._take(wide.shape, np.float32)
         np.copyto(luminance, wide, casting="same_kind")
@@ -123,8 +122,8 @@ class FrameLight:
             linear = np.maximum(np.float32(drawn_at) * (black + span * linear) - black, np.float32(0)) / span
         if isinstance(pixels, LumaChroma):
             planes = tuple(map(plane_in_memory, pixels.planes))
-            matrix = matrix_of(pixels)
-            sums = convert_planes(planes, pixels.amid, matrix, (linear, black, span), luminance)
+            light = linear, black, span
+            sums = convert_planes(planes, pixels.amid, matrix_of(pixels), light, luminance)
         else:
             given = np.ascontiguousarray(pixels), linear, black, span, luminance
             sums = convert_integers(*given, tuple(range(block))) if whole else convert_floats(*given)
@@ -236,31 +235,38 @@ def convert_planes(planes: Any, amid: Any, matrix: Any, light: Any, luminance: A
     linear, black, span = light
     code_of_black, gain, cr_in_red, cb_in_blue, cr_in_green, cb_in_green = matrix
     height, width = luminance.shape
+    whole = -(-width // BLOCK) * BLOCK  # rows are filled up without light
     down = np.empty(blue[2][1] + 2, np.int32)
     cb, cr = np.empty(width + 1, np.int32), np.empty(width + 1, np.int32)
-    codes = np.empty((3, width), np.uint8)
-    red_sum = green_sum = blue_sum = 0.0
+    codes, lights = np.empty((3, width), np.uint8), np.zeros((3, whole), np.float32)
+    sums = np.zeros((3, BLOCK))  # each of every so many columns
+    start = np.int32((1 << (_SHIFT - 1)) - code_of_black * gain)
     for i in range(height):
         interpolate_chroma(blue, i, height, amid, down, cb)
         interpolate_chroma(red, i, height, amid, down, cr)
         row, out = luma[i * stride : i * stride + width], luminance[i]
         for j in range(width):
-            y = np.int32((np.int32(row[j]) - np.int32(code_of_black)) * np.int32(gain))
-            y += np.int32(1 << (_SHIFT - 1))
-            r = np.int32(y + cr[j] * np.int32(cr_in_red)) >> np.int32(_SHIFT)
-            g = np.int32(y + cr[j] * np.int32(cr_in_green) + cb[j] * np.int32(cb_in_green))
-            g = g >> np.int32(_SHIFT)
-            b = np.int32(y + cb[j] * np.int32(cb_in_blue)) >> np.int32(_SHIFT)
-            codes[0, j] = np.uint8(min(max(r, np.int32(0)), np.int32(255)))
-            codes[1, j] = np.uint8(min(max(g, np.int32(0)), np.int32(255)))
-            codes[2, j] = np.uint8(min(max(b, np.int32(0)), np.int32(255)))
+            y = np.int32(start + np.int32(np.int32(row[j]) * np.int32(gain)))
+            from_red = np.int32(cr[j] * np.int32(cr_in_green))
+            codes[0, j] = code_of(y, np.int32(cr[j] * np.int32(cr_in_red)))
+            codes[1, j] = code_of(y, np.int32(from_red + np.int32(cb[j] * np.int32(cb_in_green))))
+            codes[2, j] = code_of(y, np.int32(cb[j] * np.int32(cb_in_blue)))
+        for c in range(3):
+            for j in range(width):
+                lights[c, j] = linear[codes[c, j]]
+            for begin in range(0, whole, BLOCK):
+                for k in range(BLOCK):
+                    sums[c, k] += lights[c, np.uint64(begin + k)]
         for j in range(width):
-            r_light, g_light, b_light = linear[codes[0, j]], linear[codes[1, j]], linear[codes[2, j]]
-            red_sum += r_light
-            green_sum += g_light
-            blue_sum += b_light
-            out[j] = black + span * (_R * r_light + _G * g_light + _B * b_light)
-    return red_sum, green_sum, blue_sum
+            out[j] = black + span * (_R * lights[0, j] + _G * lights[1, j] + _B * lights[2, j])
+    return sums[0].sum(), sums[1].sum(), sums[2].sum()
+
+
+@compiled
+def code_of(y: Any, chroma: Any) -> Any:
+    """Return the code of R, G or B; whole numbers of 32 bits stay so, where Numba would widen them."""
+    code = np.int32(np.int32(y + chroma) >> np.int32(_SHIFT))
+    return np.uint8(min(max(code, np.int32(0)), np.int32(255)))
 
 
 @compiled

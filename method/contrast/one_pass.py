@@ -307,19 +307,23 @@ def count_row(
     flags, flags_by_eight, chosen, needed, cells = scratch
     least, most = bounds
     visible, n = numba.int32(0), np.int64(0)
-    for j in range(x.size):
-        rise, matters = x[j] - log_contrast[j], log_ratio[j] > _NEVER
-        visible += numba.int32(matters & (rise < least))
-        flags[j] = matters & (rise >= least) & (rise < most)
+    for begin in range(0, x.size, BLOCK):
+        if x[np.uint64(begin)] == np.inf:  # nothing of the block is seen
+            continue
+        for k in range(BLOCK):
+            j = np.uint64(begin + k)
+            rise, matters = x[j] - log_contrast[j], log_ratio[j] > _NEVER
+            visible += numba.int32(matters & (rise < least))
+            flags[j] = matters & (rise >= least) & (rise < most)
+        for k in range(begin // 8, (begin + BLOCK) // 8):
+            if flags_by_eight[k] != 0:
+                for pixel in range(8 * k, 8 * k + 8):
+                    chosen[n] = pixel
+                    n += np.int64(flags[pixel])
     counts[0] += visible
-    for k in range(flags_by_eight.size):
-        if flags_by_eight[k] != 0:
-            for j in range(8 * k, 8 * k + 8):
-                chosen[n] = j
-                n += np.int64(flags[j])
     for k in range(n):
-        pixel = np.uint32(chosen[k])
-        needed[k] = (x[pixel] - log_ratio[pixel] - to.log_faintest) / to.log_span
+        j = np.uint64(chosen[k])
+        needed[k] = (x[j] - log_ratio[j] - to.log_faintest) / to.log_span
     look_up(to.log_luminance, needed[:n], cells)
     last = np.float32(counts.size - 1)
     per_factor = (last - np.float32(1)) / -to.log_lowest_factor

@@ -197,7 +197,6 @@ class GpuOnePass:
         return thresholds.size, sensitivities, luminances
 
     def _bind(self, results: moderngl.Buffer) -> None:
-        """Bind the buffers where `count.glsl` looks for them."""
         self._pyramid.buffer.bind_to_storage_buffer(PYRAMID)
         self._records.bind_to_storage_buffer(_BANDS)
         self._tables.bind_to_storage_buffer(_TABLES)

@@ -126,7 +126,6 @@ class GpuPyramid:
         making.run(-(-width // _MADE), -(-height // _MADE))
 
     def _bound(self, frame: FrameTexture) -> moderngl.ComputeShader:
-        """Return the program that reads a texture, with the texture bound."""
         height, width = self.shapes[0]
         if frame.texture.size != (width, height):
             got = "{} x {}".format(*frame.texture.size)
@@ -138,7 +137,6 @@ class GpuPyramid:
         return reading
 
     def _upload(self, frame: NDArray[Any]) -> moderngl.ComputeShader:
-        """Return the program that reads an array, with the array uploaded."""
         if frame.shape[:2] != self.shapes[0]:
             raise InputError(f"expected a frame of the shape {self.shapes[0]}, got {frame.shape[:2]}")
         reading = self._program(_OF_ARRAY[frame.dtype.name])
@@ -192,6 +190,5 @@ def _buffer(context: moderngl.Context, size: int) -> moderngl.Buffer:
 
 
 def _set(reading: moderngl.ComputeShader, name: str, value: Any) -> None:
-    """Set a uniform, if the program uses it."""
     if reading.get(name, None) is not None:
         reading[name] = value

@@ -135,7 +135,6 @@ class Governor:
         return min(mean + ageing * (excess - mean), (1 - ageing) * mean, key=abs)
 
     def _is_held(self, factor: float, down: float) -> bool:
-        """Return whether the factor is at a bound and would have to go beyond it."""
         return factor <= self.lowest_factor if down > 0 else factor >= self.highest_factor and down < 0
 
 

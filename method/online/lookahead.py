@@ -131,7 +131,6 @@ class LookaheadController:
         return due
 
     def _shown(self) -> PlannedFrame:
-        """Return the first of the waiting frames with its factor."""
         self._look()
         frame, settings = self._waiting[0], self._controller.settings
         debt = 0.0 if frame.cost is None else self._debt / frame.cost.scale

@@ -103,7 +103,6 @@ def _push(stack: _Stack, x: float, d: float) -> None:
 
 @compiled_loop(error_model="numpy", forceinline=True)
 def _add_term(stack: _Stack, curvature: float, gradient: float) -> None:
-    """Add a frame's term to the derivative: curvature · x + gradient."""
     stack.map[_V] += curvature * stack.map[_A]
     stack.map[_W] += curvature * stack.map[_C] + gradient
 

@@ -250,7 +250,6 @@ def limit_without_allowances(problem: Problem, factors: Array) -> Array:
 
 
 def _largest_allowance(problem: Problem) -> float:
-    """Return how many times the rate limit the most generous step may reach that is seen."""
     if problem.allowances is None:
         return 1.0
     return float(problem.allowances[np.isfinite(problem.allowances)].max(initial=0.0))

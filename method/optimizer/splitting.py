@@ -151,11 +151,9 @@ def _searched_elsewhere(problem: Problem, best: Solution) -> tuple[Solution, boo
 
 
 def _better(problem: Problem, best: Solution, other: Solution) -> Solution:
-    """Return the solution with the smaller objective, with the iterations of both."""
     iterations = best.iterations + other.iterations
-    if problem.objective(other.factors) < problem.objective(best.factors) and is_feasible(
-        problem, other.factors
-    ):
+    lower = problem.objective(other.factors) < problem.objective(best.factors)
+    if lower and is_feasible(problem, other.factors):
         best = other
     return replace(best, iterations=iterations)
 

@@ -190,7 +190,6 @@ class FilmReader:
         return [one for one in pictures if not one.is_corrupt and one.pts not in self._lost]
 
     def _refusal(self, frame: int, why: str | None) -> InputError:
-        """Return what is said of damage at a frame."""
         stamps = sorted(stamp for stamp in self._stamps if stamp is not None)
         since = [float((s - stamps[0]) * self._tick) for s in stamps] if self.times is None else self.times
         if not self.decoder.width:  # FFmpeg keeps no size that is too large
