@@ -12,7 +12,7 @@ import numba
 import numpy as np
 from numba.core.codegen import get_host_cpu_features
 
-# Vectors as wide as the registers, for all that Numba compiles from here on. LLVM takes half of 512 bits, as full
+# Vectors as wide as the registers, for all that Numba compiles hereafter. LLVM takes half of 512 bits, as full
 # width lowered the clock of the first processors that had them; those with VBMI2 (since 2019) keep it.
 _config, _features = cast(Any, numba.config), cast(Any, get_host_cpu_features)()
 if _config.CPU_FEATURES is None and "+avx512vbmi2" in _features:
