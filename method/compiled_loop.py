@@ -12,8 +12,8 @@ import numba
 import numpy as np
 from numba.core.codegen import get_host_cpu_features
 
-# Vectors as wide as the registers, for all that Numba compiles hereafter. LLVM takes half of 512, since the
-# clock of the first processors that had them fell at full width; those with VBMI2 (from 2019 on) keep it.
+# Vectors as wide as the registers, for all that Numba compiles hereafter. LLVM takes 256 of 512 bits, as the
+# first processors that had 512 slowed down with them; those with VBMI2 (from 2019 on) do not.
 _config, _features = cast(Any, numba.config), cast(Any, get_host_cpu_features)()
 if _config.CPU_FEATURES is None and "+avx512vbmi2" in _features:
     _config.CPU_FEATURES = f"{_features},-prefer-256-bit"
